@@ -1,0 +1,58 @@
+"""How physics becomes machine code, in one place.
+
+``@scalar`` marks an equation: called from Python it is the plain function one reads, called from compiled code it is
+inlined. ``@compiled`` marks one of the few entry points. No fast-math anywhere and products instead of powers, so that
+Python and machine code give the same bits.
+
+Numba's own disk cache does not notice that an equation in another file changed. Ours cannot go stale: entry points are
+stored in a folder named by a hash of every source file of the four packages, of numba's version and of the interpreter.
+Set STEER_ENV_CACHE=0 to compile anew in every process, or NUMBA_DISABLE_JIT=1 to run everything as plain Python.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from numba.extending import register_jitable
+from platformdirs import user_cache_dir
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_OPTIONS = {"error_model": "numpy", "fastmath": False, "nogil": True}
+
+
+def scalar(function: F) -> F:
+    """A scalar equation: plain Python from Python, inlined in compiled callers."""
+    return register_jitable(jit_options={"error_model": "numpy", "forceinline": True})(function)  # type: ignore[no-any-return]
+
+
+def compiled(function: F) -> F:
+    """A compiled entry point, cached on disk under a key that follows every source file."""
+    dispatcher = numba.njit(**_OPTIONS)(function)
+    if numba.config.DISABLE_JIT or os.environ.get("STEER_ENV_CACHE") == "0":
+        return dispatcher  # type: ignore[no-any-return]
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(_cache_folder())
+    try:
+        dispatcher.enable_caching()
+    finally:
+        numba.config.CACHE_DIR = before
+    return dispatcher  # type: ignore[no-any-return]
+
+
+@cache
+def _cache_folder() -> Path:
+    """The cache folder of exactly these sources."""
+    root = Path(__file__).resolve().parents[2]
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    for package in ("steer_env", "controllers", "identification", "experiments"):
+        for path in sorted((root / package).rglob("*.py")):
+            digest.update(path.read_bytes())
+    return Path(user_cache_dir("steer-env")) / "compiled" / digest.hexdigest()[:16]

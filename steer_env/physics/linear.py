@@ -1,0 +1,70 @@
+"""State-space views of the equations, derived from the scalar functions by differentiation, never retyped.
+
+The functions are linear (or linearised about rest), so a unit step in one variable is its column of the matrix, exact
+to rounding. Matrices come as numpy arrays (A [n, n], B [n, n_u], C [n_y, n], D [n_y, n_u]); ``to_statespace`` names them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from steer_env.physics import vehicle
+from steer_env.physics.reference import ReferenceParameters, reference_rates
+from steer_env.physics.vehicle import SingleTrack, SingleTrackState
+
+Matrix = NDArray[np.float64]
+Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
+
+VEHICLE_OUTPUTS = ("yaw_rate", "lateral_acceleration", "sideslip_angle", "slip_front")
+REFERENCE_STATES = ("pinion_angle", "pinion_rate", "lateral_speed", "yaw_rate", "slip_front", "slip_rear")
+
+
+def jacobian(function: Callable[[NDArray[np.float64]], Sequence[float]], n: int, step: float = 1.0) -> Matrix:
+    """Matrix of a linear map of n variables: central differences about zero with the given step."""
+    columns = []
+    for k in range(n):
+        unit = np.zeros(n)
+        unit[k] = step
+        columns.append((np.asarray(function(unit)) - np.asarray(function(-unit))) / (2.0 * step))
+    return np.column_stack(columns)
+
+
+def single_track_matrices(speed: float, p: SingleTrack) -> Matrices:
+    """Eq. 6 from road-wheel angle in rad to VEHICLE_OUTPUTS at a speed > 0 in m/s; states as SingleTrackState."""
+
+    def rates(z: NDArray[np.float64]) -> Sequence[float]:
+        return vehicle.single_track_rates(SingleTrackState(*z[:4]), z[4], speed, p)
+
+    def outputs(z: NDArray[np.float64]) -> Sequence[float]:
+        x = SingleTrackState(*z[:4])
+        return (x.yaw_rate, vehicle.lateral_acceleration(x, p), x.lateral_speed / speed, x.slip_front)
+
+    return _split(jacobian(rates, 5), jacobian(outputs, 5), 4)
+
+
+def reference_matrices(speed: float, p: ReferenceParameters, K: float) -> Matrices:
+    """Eq. 10 from torsion-bar torque in N m to pinion angle and rate, friction left out; K = 1 + k_gain."""
+
+    def rates(z: NDArray[np.float64]) -> Sequence[float]:
+        x = SingleTrackState(*z[2:6])
+        acceleration, slip_rates = reference_rates(z[0], z[1], x, K * z[6], 0.0, speed, p)
+        return (z[1], acceleration, *slip_rates)
+
+    def outputs(z: NDArray[np.float64]) -> Sequence[float]:
+        return (z[0], z[1])
+
+    return _split(jacobian(rates, 7), jacobian(outputs, 7), 6)
+
+
+def frequency_response(matrices: Matrices, frequency_Hz: ArrayLike) -> NDArray[np.complex128]:
+    """C (jw - A)^-1 B + D at frequencies [n_f] in Hz, as [n_f, n_y, n_u]."""
+    A, B, C, D = matrices
+    s = 2j * np.pi * np.atleast_1d(np.asarray(frequency_Hz, dtype=float))[:, None, None]
+    return C @ np.linalg.solve(s * np.eye(len(A)) - A, np.broadcast_to(B, (s.shape[0], *B.shape))) + D
+
+
+def _split(rates: Matrix, outputs: Matrix, n: int) -> Matrices:
+    return rates[:, :n], rates[:, n:], outputs[:, :n], outputs[:, n:]
