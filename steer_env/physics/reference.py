@@ -49,7 +49,7 @@ class ReferenceParameters(NamedTuple):
 
 
 class ReferenceState(NamedTuple):
-    """State of a generator: pinion angle (rad) and rate (rad/s), single-track state, friction torque (N m)."""
+    """State of a generator: pinion angle (rad) and rate (rad/s), single-track state, friction and M_eff (N m)."""
 
     pinion_angle: float
     pinion_rate: float
@@ -58,6 +58,7 @@ class ReferenceState(NamedTuple):
     slip_front: float
     slip_rear: float
     friction: float
+    effective_torque: float
 
 
 @scalar
@@ -98,3 +99,88 @@ def torsion_bar_torque_for(M_eff: float, p: ReferenceParameters) -> float:
     if p.linear > 0.5:
         return M_eff * (1.0 / (1.0 + p.k_gain))
     return inverse_assist(M_eff, p.r, p.sigma)
+
+
+@scalar
+def impedance_step(
+    angle: float, rate: float, acceleration: float, x: ReferenceState, speed: float, p: ReferenceParameters, dt: float
+) -> tuple[float, float, ReferenceState]:
+    """Impedance generator (Fig. 2b): (M_tb_ref, M_eff, new state) at a pinion motion, dt seconds after ``x``.
+
+    The vehicle moves on with the angle running straight from the last one; friction follows the displacement exactly.
+    """
+    track = _advance_track(x, angle, speed, p, dt)
+    friction = _friction_at(x, angle, p)
+    M_eff = p.J_ref * acceleration + p.b_ref * rate + reference_load(angle, track, speed, p) + friction
+    M_tb = torsion_bar_torque_for(M_eff, p)
+    new = ReferenceState(
+        angle, rate, track.lateral_speed, track.yaw_rate, track.slip_front, track.slip_rear, friction, M_eff
+    )
+    return M_tb, M_eff, new
+
+
+@scalar
+def admittance_step(
+    M_tb: float, x: ReferenceState, speed: float, p: ReferenceParameters, dt: float
+) -> tuple[float, ReferenceState]:
+    """Admittance generator (Fig. 2a): (pinion acceleration, new state) after dt seconds that end at torque ``M_tb``.
+
+    Effective torque runs straight from the last one, so the result is not late by half a step. Two Runge-Kutta steps.
+    """
+    M_eff = effective_torque(M_tb, p)
+    middle = 0.5 * (x.effective_torque + M_eff)
+    half = _admittance_substep(x, x.effective_torque, middle, speed, p, 0.5 * dt)
+    new = _admittance_substep(half, middle, M_eff, speed, p, 0.5 * dt)
+    track = SingleTrackState(new.lateral_speed, new.yaw_rate, new.slip_front, new.slip_rear)
+    acceleration, _ = reference_rates(new.pinion_angle, new.pinion_rate, track, M_eff, new.friction, speed, p)
+    return acceleration, new
+
+
+@scalar
+def _friction_at(x: ReferenceState, angle: float, p: ReferenceParameters) -> float:
+    if p.linear > 0.5:
+        return 0.0
+    return dahl_step(x.friction, angle - x.pinion_angle, p.M_fric_C, p.c_fric)
+
+
+@scalar
+def _advance_track(
+    x: ReferenceState, angle: float, speed: float, p: ReferenceParameters, dt: float
+) -> SingleTrackState:
+    track = SingleTrackState(x.lateral_speed, x.yaw_rate, x.slip_front, x.slip_rear)
+    a0 = x.pinion_angle * (1.0 / p.i_s)
+    a2 = angle * (1.0 / p.i_s)
+    a1 = 0.5 * (a0 + a2)
+    half = vehicle.single_track_step(track, a0, 0.5 * (a0 + a1), a1, speed, single_track_of(p), 0.5 * dt)
+    return vehicle.single_track_step(half, a1, 0.5 * (a1 + a2), a2, speed, single_track_of(p), 0.5 * dt)
+
+
+@scalar
+def _admittance_slope(
+    start: ReferenceState, angle: float, rate: float, x: SingleTrackState, M_eff: float, speed: float,
+    p: ReferenceParameters,
+) -> tuple[float, SingleTrackState]:
+    friction = _friction_at(start, angle, p)
+    return reference_rates(angle, rate, x, M_eff, friction, speed, p)
+
+
+@scalar
+def _admittance_substep(
+    x: ReferenceState, M0: float, M2: float, speed: float, p: ReferenceParameters, h: float
+) -> ReferenceState:
+    """One classical Runge-Kutta step of Eq. 4 with Eq. 6; friction is exact at every stage."""
+    M1 = 0.5 * (M0 + M2)
+    track = SingleTrackState(x.lateral_speed, x.yaw_rate, x.slip_front, x.slip_rear)
+    q0, w0 = x.pinion_angle, x.pinion_rate
+    a0, v0 = _admittance_slope(x, q0, w0, track, M0, speed, p)
+    w1 = w0 + 0.5 * h * a0
+    a1, v1 = _admittance_slope(x, q0 + 0.5 * h * w0, w1, vehicle.moved(track, 0.5 * h, v0), M1, speed, p)
+    w2 = w0 + 0.5 * h * a1
+    a2, v2 = _admittance_slope(x, q0 + 0.5 * h * w1, w2, vehicle.moved(track, 0.5 * h, v1), M1, speed, p)
+    w3 = w0 + h * a2
+    a3, v3 = _admittance_slope(x, q0 + h * w2, w3, vehicle.moved(track, h, v2), M2, speed, p)
+    angle = q0 + vehicle.rk4_mean(w0, w1, w2, w3, h)
+    rate = w0 + vehicle.rk4_mean(a0, a1, a2, a3, h)
+    t = vehicle.moved_rk4(track, v0, v1, v2, v3, h)
+    friction = _friction_at(x, angle, p)
+    return ReferenceState(angle, rate, t.lateral_speed, t.yaw_rate, t.slip_front, t.slip_rear, friction, M2)

@@ -68,3 +68,50 @@ def kinematic_front_slip(x: SingleTrackState, tyre_angle: float, speed: float, p
 def rack_torque(slip_front: float, p: SingleTrack) -> float:
     """M_rack in N m at the pinion (Eq. 9): C_f n_t a_f / i_s. Rack force is i_rp times this."""
     return p.C_f * p.n_t * slip_front * (1.0 / p.i_s)
+
+
+@scalar
+def rk4_mean(k0: float, k1: float, k2: float, k3: float, h: float) -> float:
+    """Increment of a classical Runge-Kutta step of h seconds from its four slopes."""
+    return (k0 + 2.0 * (k1 + k2) + k3) * (h * (1.0 / 6.0))
+
+
+@scalar
+def moved(x: SingleTrackState, h: float, k: SingleTrackState) -> SingleTrackState:
+    """x + h k."""
+    return SingleTrackState(
+        x.lateral_speed + h * k.lateral_speed,
+        x.yaw_rate + h * k.yaw_rate,
+        x.slip_front + h * k.slip_front,
+        x.slip_rear + h * k.slip_rear,
+    )
+
+
+@scalar
+def moved_rk4(
+    x: SingleTrackState,
+    k0: SingleTrackState,
+    k1: SingleTrackState,
+    k2: SingleTrackState,
+    k3: SingleTrackState,
+    h: float,
+) -> SingleTrackState:
+    """The state after a classical Runge-Kutta step of h seconds."""
+    return SingleTrackState(
+        x.lateral_speed + rk4_mean(k0.lateral_speed, k1.lateral_speed, k2.lateral_speed, k3.lateral_speed, h),
+        x.yaw_rate + rk4_mean(k0.yaw_rate, k1.yaw_rate, k2.yaw_rate, k3.yaw_rate, h),
+        x.slip_front + rk4_mean(k0.slip_front, k1.slip_front, k2.slip_front, k3.slip_front, h),
+        x.slip_rear + rk4_mean(k0.slip_rear, k1.slip_rear, k2.slip_rear, k3.slip_rear, h),
+    )
+
+
+@scalar
+def single_track_step(
+    x: SingleTrackState, angle_0: float, angle_1: float, angle_2: float, speed: float, p: SingleTrack, h: float
+) -> SingleTrackState:
+    """State after h seconds with road-wheel angles in rad at the start, the middle and the end of the step."""
+    k0 = single_track_rates(x, angle_0, speed, p)
+    k1 = single_track_rates(moved(x, 0.5 * h, k0), angle_1, speed, p)
+    k2 = single_track_rates(moved(x, 0.5 * h, k1), angle_1, speed, p)
+    k3 = single_track_rates(moved(x, h, k2), angle_2, speed, p)
+    return moved_rk4(x, k0, k1, k2, k3, h)
