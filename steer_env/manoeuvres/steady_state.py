@@ -1,0 +1,21 @@
+"""Sine of the hand's angle at 0.2 Hz (paper, section 2): four periods, of which the first settles."""
+
+from __future__ import annotations
+
+import math
+
+from steer_env.manoeuvres.parameters import ManoeuvreParameters
+from steer_env.physics._jit import scalar
+from steer_env.physics.plant import Hand
+
+DEFAULT = ManoeuvreParameters(duration=20.0)
+
+
+@scalar
+def signal(t: float, p: ManoeuvreParameters) -> Hand:
+    """Hand at t seconds: amplitude x sin(2 pi f s) with s the time since the lead-in."""
+    s = t - p.lead_in
+    if s <= 0.0 or s >= p.duration:
+        return Hand(0.0, 0.0, 0.0, 1.0)
+    omega = 2.0 * math.pi * p.frequency
+    return Hand(p.amplitude * math.sin(omega * s), p.amplitude * omega * math.cos(omega * s), 0.0, 1.0)

@@ -1,0 +1,85 @@
+"""NamedTuples of floats in rows of a float array: how states and parameters live between compiled calls.
+
+A row of a batch array holds several NamedTuples one after the other. ``loader(T, start)`` and ``storer(T, start)`` make
+the two functions that read and write one of them; both are plain Python from Python and inlined in compiled code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba.extending import overload
+from numba.np.unsafe.ndarray import to_fixed_tuple
+from numpy.typing import NDArray
+
+from steer_env.physics._jit import scalar
+
+Row = NDArray[np.float64]
+
+
+def fixed_tuple(row: Row, n: int) -> tuple[float, ...]:
+    """The n floats of a row as a tuple whose length the compiler knows."""
+    return tuple(row.tolist())
+
+
+@overload(fixed_tuple)
+def _fixed_tuple_compiled(row: Any, n: Any) -> Any:
+    return lambda row, n: to_fixed_tuple(row, n)
+
+
+def loader(record: Any, start: int) -> Callable[[Row], Any]:
+    """A function row -> record that reads the record's fields from row[start:]."""
+    n = len(record._fields)
+    end = start + n
+
+    @scalar
+    def load(row: Row) -> Any:
+        return record(*fixed_tuple(row[start:end], n))
+
+    return load
+
+
+def storer(record: Any, start: int) -> Callable[[Row, Any], None]:
+    """A function (row, record) that writes the record's fields to row[start:]."""
+    n = len(record._fields)
+
+    @scalar
+    def store(row: Row, values: Any) -> None:
+        for k in range(n):
+            row[start + k] = values[k]
+
+    return store
+
+
+class Layout:
+    """Which NamedTuple lies where in a row: ``layout["name"]`` is its slice, ``layout.size`` the row's length."""
+
+    def __init__(self, **records: Any) -> None:
+        self.records = records
+        self._start: dict[str, int] = {}
+        self.size = 0
+        for name, record in records.items():
+            self._start[name] = self.size
+            self.size += len(record._fields)
+
+    def __getitem__(self, name: str) -> slice:
+        start = self._start[name]
+        return slice(start, start + len(self.records[name]._fields))
+
+    def loader(self, name: str) -> Callable[[Row], Any]:
+        """The function that reads one record of a row."""
+        return loader(self.records[name], self._start[name])
+
+    def storer(self, name: str) -> Callable[[Row, Any], None]:
+        """The function that writes one record of a row."""
+        return storer(self.records[name], self._start[name])
+
+    def column(self, name: str, field: str) -> int:
+        """Index in the row of one field of one record."""
+        return self._start[name] + int(self.records[name]._fields.index(field))
+
+    def read(self, row: Row, name: str) -> Any:
+        """One record of a row, from Python."""
+        return self.records[name](*row[self[name]].tolist())
