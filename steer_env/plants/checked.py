@@ -1,9 +1,11 @@
-"""Checks of tables read from a file (TOML, JSON): every key known, every number finite and in range.
+"""Checks of tables read from a file (TOML, JSON): every key known, every number in range.
 
-A faulty table raises one ``InputError`` that names the file and the key, says what is wrong, and how to mend it.
+A faulty table raises one ``InputError`` that names the file and the key, says what is wrong, and
+how to mend it.
 """
 
 import difflib
+import json
 import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -25,19 +27,27 @@ def check_keys(
     known = [*required, *optional]
     for key in table:
         if key not in known:
-            raise InputError(f"{where}: key '{key}'", "this key is not known", suggestion(str(key), known))
+            raise InputError(
+                f"{where}: key '{key}'", "this key is not known", suggestion(str(key), known)
+            )
     for key in required:
         if key not in table:
             raise InputError(f"{where}: key '{key}'", "this key is missing", f"add '{key}'")
     return table
 
 
-def number(table: Mapping[str, Any], key: str, where: str, low: float = -math.inf, high: float = math.inf) -> float:
+def number(
+    table: Mapping[str, Any], key: str, where: str, low: float = -math.inf, high: float = math.inf
+) -> float:
     """Return ``table[key]`` as a float after checking that it is a finite number in [low, high]."""
     value = table[key]
     place = f"{where}: key '{key}'"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise InputError(place, f"a number is expected, not {_kind_of(value)}", "write a plain number in SI units")
+        raise InputError(
+            place,
+            f"a number is expected, not {_kind_of(value)}",
+            "write a plain number in SI units",
+        )
     try:
         result = float(value)
     except OverflowError:
@@ -58,7 +68,11 @@ def text(table: Mapping[str, Any], key: str, where: str, allowed: Collection[str
     value = table[key]
     place = f"{where}: key '{key}'"
     if not isinstance(value, str) or not value.strip():
-        raise InputError(place, f"a non-empty text is expected, not {_kind_of(value)}", "write it in quotation marks")
+        raise InputError(
+            place,
+            f"a non-empty text is expected, not {_kind_of(value)}",
+            "write it in quotation marks",
+        )
     if allowed and value not in allowed:
         raise InputError(place, f"'{value}' is not one of the choices", suggestion(value, allowed))
     return value
@@ -71,33 +85,77 @@ def schema_version(table: Mapping[str, Any], where: str, known: int) -> None:
         raise InputError(
             f"{where}: key 'schema_version'",
             f"version {value!r} is not one this program reads",
-            f"write schema_version {known}, or install the version of steer-env that wrote the file",
+            f"write {known}, or install the version of steer-env that wrote the file",
         )
 
 
 def read_utf8(path: Path, limit_bytes: int) -> str:
-    """Return the text of a small file, refusing one that is absent, empty, too large, or not UTF-8."""
+    """Return the text of a file, refusing one that is absent, empty, too large, or not UTF-8."""
     where = str(path)
     try:
         size = path.stat().st_size
         if path.is_dir():
-            raise InputError(where, "this is a folder, a file is expected", "give the path of the file")
+            raise InputError(
+                where, "this is a folder, a file is expected", "give the path of the file"
+            )
         if size > limit_bytes:
             raise InputError(
                 where,
-                f"the file has {size} bytes, more than the {limit_bytes} that such a file can sensibly have",
+                f"the file has {size} bytes; such a file has at most {limit_bytes}",
                 "check that this is the right file",
             )
         content = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
-            where, f"byte {error.start} is not UTF-8 text", "save the file as UTF-8, or check that it is the right file"
+            where,
+            f"byte {error.start} is not UTF-8 text",
+            "save the file as UTF-8, or check that it is the right file",
         ) from error
     except OSError as error:
-        raise InputError(where, f"the file cannot be read ({error.strerror})", "check the path") from error
+        raise InputError(
+            where, f"the file cannot be read ({error.strerror})", "check the path"
+        ) from error
     if not content.strip():
         raise InputError(where, "the file is empty", "write it again; it may have been cut off")
     return content
+
+
+def read_json(path: Path, limit_bytes: int) -> dict[str, Any]:
+    """Return the table in a JSON file; a key that stands twice, NaN and Infinity are refused."""
+    where = str(path)
+    content = read_utf8(path, limit_bytes)
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        keys = [key for key, _ in pairs]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise InputError(
+                    f"{where}: key '{key}'",
+                    "this key stands twice in one table",
+                    "remove one of them",
+                )
+        return dict(pairs)
+
+    def not_a_number(word: str) -> float:
+        raise InputError(
+            where, f"{word} is not a number that JSON knows", "write finite numbers only"
+        )
+
+    try:
+        table = json.loads(content, object_pairs_hook=unique, parse_constant=not_a_number)
+    except json.JSONDecodeError as error:
+        raise InputError(
+            f"{where}: line {error.lineno}, column {error.colno}",
+            f"this is not valid JSON ({error.msg})",
+            "correct the line, or write the file again if it was cut off",
+        ) from error
+    except RecursionError as error:
+        raise InputError(
+            where, "the brackets are nested too deeply", "check that this is the right file"
+        ) from error
+    if not isinstance(table, dict):
+        raise InputError(where, "a table { ... } is expected", "check that this is the right file")
+    return table
 
 
 def suggestion(word: str, known: Collection[str]) -> str:

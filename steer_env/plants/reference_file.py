@@ -1,10 +1,11 @@
 """The identified reference as a file, ``reference.json`` (contracts.md, section 2).
 
-Inside the program the fields have the paper's names (J_ref); in the file the unit is appended (J_ref_kgm2), and
-standard errors and the values of the paper's own method stand beside a value as <key>_std and <key>_frf.
+Inside the program the fields have the paper's names (J_ref); in the file the unit is appended
+(J_ref_kgm2), and standard errors and the values of the paper's own method stand beside a value as
+<key>_std and <key>_frf.
 
-``slip`` says which form of Eq. 10, row 2, the damping b_ref belongs to: "kinematic" as the paper prints it, or
-"relaxed" as Eq. 9 implies. The two are never mixed, so the file must say which.
+``slip`` says which form of Eq. 10, row 2, the damping b_ref belongs to: "kinematic" as the paper
+prints it, or "relaxed" as Eq. 9 implies. The two are never mixed, so the file must say which.
 """
 
 import json
@@ -31,7 +32,7 @@ _FIELD_OF = {key: name for name, key in ROW_KEYS.items()}
 
 @dataclass(frozen=True)
 class ReferenceFile:
-    """A reference over speed. ``std``, ``frf`` and ``extrapolated`` have one entry per row, by field name."""
+    """A reference over speed; ``std``, ``frf``, ``extrapolated``: one entry per row."""
 
     vehicle: KnownVehicle
     rows: tuple[ReferenceRow, ...]
@@ -44,21 +45,27 @@ class ReferenceFile:
 
 def published() -> ReferenceFile:
     """Return the paper's Tables 2 and 3 with vehicle set R, as the package ships them."""
-    with resources.as_file(resources.files("steer_env.plants") / "data" / "chugh_2019.json") as path:
+    with resources.as_file(
+        resources.files("steer_env.plants") / "data" / "chugh_2019.json"
+    ) as path:
         return read_reference(path)
 
 
 def read_reference(path: str | Path) -> ReferenceFile:
-    """Read and check a reference file; every fault is an ``InputError`` that names the row and the key."""
+    """Read and check a reference file; a fault is an ``InputError`` that names row and key."""
     path = Path(path)
     where = str(path)
-    table = _parse(checked.read_utf8(path, LIMIT_BYTES), where)
-    checked.check_keys(table, ("schema_version", "slip", "vehicle", "rows", "provenance"), (), where)
+    table = checked.read_json(path, LIMIT_BYTES)
+    checked.check_keys(
+        table, ("schema_version", "slip", "vehicle", "rows", "provenance"), (), where
+    )
     checked.schema_version(table, where, SCHEMA_VERSION)
     slip = checked.text(table, "slip", where, SLIP_FORMS)
     vehicle = read_vehicle(table["vehicle"], f"{where}: vehicle")
     if not isinstance(table["provenance"], dict):
-        raise InputError(f"{where}: key 'provenance'", "a table is expected", "write {} when nothing is known")
+        raise InputError(
+            f"{where}: key 'provenance'", "a table is expected", "write {} when nothing is known"
+        )
     rows = _read_rows(table["rows"], where)
     values, std, frf, extrapolated = zip(*rows, strict=True)
     return ReferenceFile(vehicle, values, slip, std, frf, extrapolated, table["provenance"])
@@ -86,8 +93,10 @@ def vehicle_table(vehicle: KnownVehicle) -> dict[str, float]:
     return {key: getattr(vehicle, name) for name, key in VEHICLE_KEYS.items()}
 
 
-def read_fields(table: object, kind: type[NamedTuple], where: str, optional: bool = False) -> dict[str, float]:
-    """Read the numbers of a NamedTuple with ``Quantity`` fields from a table with unit-suffixed keys."""
+def read_fields(
+    table: object, kind: type[NamedTuple], where: str, optional: bool = False
+) -> dict[str, float]:
+    """Read the fields of a NamedTuple (with ``Quantity``) from a table with unit-suffixed keys."""
     keys = file_keys(kind)
     names = keys.values()
     found = checked.check_keys(table, () if optional else names, names if optional else (), where)
@@ -96,32 +105,6 @@ def read_fields(table: object, kind: type[NamedTuple], where: str, optional: boo
         for name, quantity in quantities(kind).items()
         if keys[name] in found
     }
-
-
-def _parse(content: str, where: str) -> dict[str, Any]:
-    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        keys = [key for key, _ in pairs]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise InputError(f"{where}: key '{key}'", "this key stands twice in one table", "remove one of them")
-        return dict(pairs)
-
-    def not_a_number(word: str) -> float:
-        raise InputError(where, f"{word} is not a number that JSON knows", "write finite numbers only")
-
-    try:
-        table = json.loads(content, object_pairs_hook=unique, parse_constant=not_a_number)
-    except json.JSONDecodeError as error:
-        raise InputError(
-            f"{where}: line {error.lineno}, column {error.colno}",
-            f"this is not valid JSON ({error.msg})",
-            "correct the line, or write the file again if it was cut off",
-        ) from error
-    except RecursionError as error:
-        raise InputError(where, "the brackets are nested too deeply", "check that this is the right file") from error
-    if not isinstance(table, dict):
-        raise InputError(where, "a table { ... } is expected", "check that this is a reference.json")
-    return table
 
 
 class _Row(NamedTuple):
@@ -133,7 +116,11 @@ class _Row(NamedTuple):
 
 def _read_rows(rows: object, where: str) -> list[_Row]:
     if not isinstance(rows, list) or not rows:
-        raise InputError(f"{where}: key 'rows'", "a list of at least one row is expected", "add one row per speed")
+        raise InputError(
+            f"{where}: key 'rows'",
+            "a list of at least one row is expected",
+            "add one row per speed",
+        )
     result: list[_Row] = []
     for index, table in enumerate(rows):
         place = f"{where}: rows[{index}]"
@@ -149,7 +136,12 @@ def _read_rows(rows: object, where: str) -> list[_Row]:
 
 
 def _read_row(table: object, where: str) -> _Row:
-    beside = [key + suffix for key in ROW_KEYS.values() if key != "speed_kmh" for suffix in ("_std", "_frf")]
+    beside = [
+        key + suffix
+        for key in ROW_KEYS.values()
+        if key != "speed_kmh"
+        for suffix in ("_std", "_frf")
+    ]
     found = checked.check_keys(table, ROW_KEYS.values(), [*beside, "extrapolated"], where)
     values = ReferenceRow(
         **{
@@ -163,8 +155,16 @@ def _read_row(table: object, where: str) -> _Row:
             f"{values.c_pin_off:g} exceeds the on-centre stiffness {values.c_pin_on:g}",
             "an assist lowers the stiffness off centre; check whether the two are swapped",
         )
-    std = {n: checked.number(found, f"{k}_std", where, 0.0) for n, k in ROW_KEYS.items() if f"{k}_std" in found}
-    frf = {n: checked.number(found, f"{k}_frf", where) for n, k in ROW_KEYS.items() if f"{k}_frf" in found}
+    std = {
+        n: checked.number(found, f"{k}_std", where, 0.0)
+        for n, k in ROW_KEYS.items()
+        if f"{k}_std" in found
+    }
+    frf = {
+        n: checked.number(found, f"{k}_frf", where)
+        for n, k in ROW_KEYS.items()
+        if f"{k}_frf" in found
+    }
     return _Row(values, std, frf, _read_extrapolated(found.get("extrapolated", []), where))
 
 
@@ -174,7 +174,9 @@ def _read_extrapolated(keys: object, where: str) -> tuple[str, ...]:
         raise InputError(place, "a list of row keys is expected", "write [] when all was measured")
     for key in keys:
         if key not in _FIELD_OF:
-            raise InputError(place, f"{key!r} is not a row key", checked.suggestion(str(key), _FIELD_OF))
+            raise InputError(
+                place, f"{key!r} is not a row key", checked.suggestion(str(key), _FIELD_OF)
+            )
     return tuple(_FIELD_OF[key] for key in keys)
 
 

@@ -1,22 +1,32 @@
-"""The reference file: what is written is what is read, and the shipped file holds the published tables."""
+"""The reference file: what is written is read, and the shipped file holds the paper's tables."""
 
 from pathlib import Path
 
 import pytest
 
-from steer_env.errors import InputError
-from steer_env.plants.reference_file import ReferenceFile, published, read_reference, write_reference
+from steer_env.plants.reference_file import (
+    ReferenceFile,
+    published,
+    read_reference,
+    write_reference,
+)
 
 
 @pytest.fixture
 def annotated() -> ReferenceFile:
-    """The published reference with standard errors, paper-method values and the relaxed slip form added."""
+    """The published reference with standard errors, paper-method values and relaxed slip."""
     reference = published()
     n = len(reference.rows)
     std = tuple({"J_ref": 0.001 * (i + 1), "c_pin_off": 0.25} for i in range(n))
     frf = tuple({"b_ref": 1.4, "k_gain": 2.0} if i % 2 else {} for i in range(n))
     return ReferenceFile(
-        reference.vehicle, reference.rows, "relaxed", std, frf, reference.extrapolated, {"campaign": "Probe ü"}
+        reference.vehicle,
+        reference.rows,
+        "relaxed",
+        std,
+        frf,
+        reference.extrapolated,
+        {"campaign": "Probe ü"},
     )
 
 
@@ -26,7 +36,9 @@ def test_round_trip_keeps_every_number(annotated: ReferenceFile, tmp_path: Path)
     assert read_reference(tmp_path / "reference.json") == annotated
 
 
-def test_equal_references_give_equal_bytes_in_any_row_order(annotated: ReferenceFile, tmp_path: Path) -> None:
+def test_equal_references_give_equal_bytes_in_any_row_order(
+    annotated: ReferenceFile, tmp_path: Path
+) -> None:
     """Catches a writer that follows the order of a dict or of the rows it was handed."""
     backwards = ReferenceFile(
         annotated.vehicle,
@@ -55,7 +67,13 @@ def test_writer_refuses_a_value_that_is_not_finite_and_writes_nothing(
     """Catches a fit that failed and would ship NaN parameters."""
     rows = (annotated.rows[0]._replace(J_ref=float("nan")), *annotated.rows[1:])
     broken = ReferenceFile(
-        annotated.vehicle, rows, annotated.slip, annotated.std, annotated.frf, annotated.extrapolated, {}
+        annotated.vehicle,
+        rows,
+        annotated.slip,
+        annotated.std,
+        annotated.frf,
+        annotated.extrapolated,
+        {},
     )
     with pytest.raises(ValueError, match="JSON"):
         write_reference(tmp_path / "reference.json", broken)
@@ -63,7 +81,7 @@ def test_writer_refuses_a_value_that_is_not_finite_and_writes_nothing(
 
 
 def test_shipped_file_is_the_published_tables() -> None:
-    """Golden values from Tables 2 and 3 of Chugh et al. (2019), one per column, at different speeds."""
+    """Golden values from Tables 2 and 3 of Chugh et al. (2019), one per column."""
     reference = published()
     rows = {row.speed_kmh: row for row in reference.rows}
     assert list(rows) == [15, 30, 45, 60, 75, 90, 105]
@@ -88,7 +106,7 @@ def test_shipped_file_flags_what_the_paper_does_not_give() -> None:
 
 
 def test_front_axle_share_of_set_R() -> None:
-    """Set R has 54.1 % of the weight in front (field study, section 0); catches l_f and l_r swapped."""
+    """Set R carries 54.1 % of the weight in front; catches l_f and l_r swapped."""
     vehicle = published().vehicle
     share = vehicle.cg_to_rear_axle / (vehicle.cg_to_front_axle + vehicle.cg_to_rear_axle)
     assert share == pytest.approx(0.541, abs=5e-4)
