@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.physics import vehicle
-from steer_env.physics.reference import ReferenceParameters, reference_rates
+from steer_env.physics.reference import ReferenceParameters, reference_load, reference_rates, single_track_of
 from steer_env.physics.vehicle import SingleTrack, SingleTrackState
 
 Matrix = NDArray[np.float64]
@@ -41,6 +41,18 @@ def single_track_matrices(speed: float, p: SingleTrack) -> Matrices:
     def outputs(z: NDArray[np.float64]) -> Sequence[float]:
         x = SingleTrackState(*z[:4])
         return (x.yaw_rate, vehicle.lateral_acceleration(x, p), x.lateral_speed / speed, x.slip_front)
+
+    return _split(jacobian(rates, 5), jacobian(outputs, 5), 4)
+
+
+def load_matrices(speed: float, p: ReferenceParameters) -> Matrices:
+    """Eqs. 6 and 9 from pinion angle in rad to the load torque at the pinion in N m (M_rack + c_extra d)."""
+
+    def rates(z: NDArray[np.float64]) -> Sequence[float]:
+        return vehicle.single_track_rates(SingleTrackState(*z[:4]), z[4] / p.i_s, speed, single_track_of(p))
+
+    def outputs(z: NDArray[np.float64]) -> Sequence[float]:
+        return (reference_load(z[4], SingleTrackState(*z[:4]), speed, p),)
 
     return _split(jacobian(rates, 5), jacobian(outputs, 5), 4)
 
