@@ -1,0 +1,136 @@
+"""Equations of the test vehicle put together: steering, motor and two-track car under constant commands.
+
+Classical Runge-Kutta for what is smooth. Dahl friction takes its exact value at each stage's own displacement, the
+motor's lag its exact value in time.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from steer_env.physics._jit import scalar
+from steer_env.physics.friction import dahl_step
+from steer_env.physics.motor import lag_step
+from steer_env.physics.plant import moved
+from steer_env.physics.steering import Steering, SteeringMotion, steering_rates
+from steer_env.physics.two_track import TwoTrack, TwoTrackState, two_track_rates
+from steer_env.physics.vehicle import rk4_mean
+
+
+class Mechanics(NamedTuple):
+    """Parameters of everything that moves; J_robot in kg m2 sits on the wheel."""
+
+    steering: Steering
+    vehicle: TwoTrack
+    J_robot: float
+
+
+class Load(NamedTuple):
+    """What acts on the car during one substep: robot and road torque in N m, side wind in N, speed in m/s."""
+
+    robot_torque: float
+    road_torque: float
+    side_force: float
+    speed: float
+
+
+class CarState(NamedTuple):
+    """Motion, car, friction torques in N m, and both parts of the motor's torque in N m at the pinion."""
+
+    motion: SteeringMotion
+    track: TwoTrackState
+    wheel_friction: float
+    pinion_friction: float
+    basic: float
+    compensation: float
+
+
+@scalar
+def drifted(x: TwoTrackState, h: float, k: TwoTrackState) -> TwoTrackState:
+    """x + h k."""
+    return TwoTrackState(
+        x.lateral_speed + h * k.lateral_speed,
+        x.yaw_rate + h * k.yaw_rate,
+        x.roll + h * k.roll,
+        x.roll_rate + h * k.roll_rate,
+        x.slip_fl + h * k.slip_fl,
+        x.slip_fr + h * k.slip_fr,
+        x.slip_rl + h * k.slip_rl,
+        x.slip_rr + h * k.slip_rr,
+    )
+
+
+@scalar
+def mean_drift(k0: TwoTrackState, k1: TwoTrackState, k2: TwoTrackState, k3: TwoTrackState) -> TwoTrackState:
+    """Slope of a classical Runge-Kutta step from its four slopes."""
+    return TwoTrackState(
+        rk4_mean(k0.lateral_speed, k1.lateral_speed, k2.lateral_speed, k3.lateral_speed, 1.0),
+        rk4_mean(k0.yaw_rate, k1.yaw_rate, k2.yaw_rate, k3.yaw_rate, 1.0),
+        rk4_mean(k0.roll, k1.roll, k2.roll, k3.roll, 1.0),
+        rk4_mean(k0.roll_rate, k1.roll_rate, k2.roll_rate, k3.roll_rate, 1.0),
+        rk4_mean(k0.slip_fl, k1.slip_fl, k2.slip_fl, k3.slip_fl, 1.0),
+        rk4_mean(k0.slip_fr, k1.slip_fr, k2.slip_fr, k3.slip_fr, 1.0),
+        rk4_mean(k0.slip_rl, k1.slip_rl, k2.slip_rl, k3.slip_rl, 1.0),
+        rk4_mean(k0.slip_rr, k1.slip_rr, k2.slip_rr, k3.slip_rr, 1.0),
+    )
+
+
+@scalar
+def mean_motion(
+    k0: SteeringMotion, k1: SteeringMotion, k2: SteeringMotion, k3: SteeringMotion
+) -> SteeringMotion:
+    """Slope of a classical Runge-Kutta step from its four slopes."""
+    return SteeringMotion(
+        rk4_mean(k0.steering_angle, k1.steering_angle, k2.steering_angle, k3.steering_angle, 1.0),
+        rk4_mean(k0.steering_rate, k1.steering_rate, k2.steering_rate, k3.steering_rate, 1.0),
+        rk4_mean(k0.pinion_angle, k1.pinion_angle, k2.pinion_angle, k3.pinion_angle, 1.0),
+        rk4_mean(k0.pinion_rate, k1.pinion_rate, k2.pinion_rate, k3.pinion_rate, 1.0),
+    )
+
+
+@scalar
+def friction_after(x: CarState, q: SteeringMotion, s: Steering) -> tuple[float, float]:
+    """Wheel and pinion friction in N m once the motion has gone one way from ``x`` to ``q``."""
+    wheel = dahl_step(x.wheel_friction, q.steering_angle - x.motion.steering_angle, s.M_s_fric, s.c_s_fric)
+    pinion = dahl_step(x.pinion_friction, q.pinion_angle - x.motion.pinion_angle, s.M_fric, s.c_fric)
+    return wheel, pinion
+
+
+@scalar
+def car_rates(
+    x: CarState, q: SteeringMotion, v: TwoTrackState, motor_torque: float, load: Load, p: Mechanics
+) -> tuple[SteeringMotion, TwoTrackState]:
+    """Derivatives at ``q`` and ``v`` reached from ``x``; ``motor_torque`` in N m at the pinion."""
+    rates, _, M_rack = two_track_rates(v, q.pinion_angle * (1.0 / p.vehicle.i_s), load.speed, load.side_force, p.vehicle)
+    wheel, pinion = friction_after(x, q, p.steering)
+    shaft = motor_torque / p.steering.motor_ratio
+    M_load = M_rack + load.road_torque
+    return steering_rates(q, load.robot_torque, wheel, pinion, M_load, shaft, p.J_robot, p.steering), rates
+
+
+@scalar
+def car_step(
+    x: CarState, basic: float, compensation: float, decay_half: float, load: Load, p: Mechanics, h: float
+) -> CarState:
+    """State after h seconds under constant motor commands; ``decay_half`` is what the motor's lag keeps over h/2."""
+    basic_1 = lag_step(x.basic, basic, decay_half)
+    basic_2 = lag_step(basic_1, basic, decay_half)
+    compensation_1 = lag_step(x.compensation, compensation, decay_half)
+    compensation_2 = lag_step(compensation_1, compensation, decay_half)
+    M0, M1, M2 = x.basic + x.compensation, basic_1 + compensation_1, basic_2 + compensation_2
+    q, v = x.motion, x.track
+    k0, t0 = car_rates(x, q, v, M0, load, p)
+    k1, t1 = car_rates(x, moved(q, 0.5 * h, k0), drifted(v, 0.5 * h, t0), M1, load, p)
+    k2, t2 = car_rates(x, moved(q, 0.5 * h, k1), drifted(v, 0.5 * h, t1), M1, load, p)
+    k3, t3 = car_rates(x, moved(q, h, k2), drifted(v, h, t2), M2, load, p)
+    motion = moved(q, h, mean_motion(k0, k1, k2, k3))
+    wheel, pinion = friction_after(x, motion, p.steering)
+    return CarState(motion, drifted(v, h, mean_drift(t0, t1, t2, t3)), wheel, pinion, basic_2, compensation_2)
+
+
+@scalar
+def car_at_rest() -> CarState:
+    """Straight ahead, nothing moving but the car."""
+    return CarState(
+        SteeringMotion(0.0, 0.0, 0.0, 0.0), TwoTrackState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0
+    )

@@ -1,0 +1,135 @@
+"""One run of the test vehicle as one compiled loop: robot, control unit, motor, steering and car.
+
+Robot and control unit work once per PERIOD; the mechanics take SUBSTEPS steps in between.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.physics._jit import compiled, scalar
+from steer_env.physics.boost_map import ControlLaw, ControlState, control_step
+from steer_env.physics.motor import Motor, lag_decay, limited_command
+from steer_env.physics.sensors import measured
+from steer_env.physics.steering import torsion_bar_torque
+from steer_env.physics.two_track import TwoTrack, TwoTrackState, two_track_rates
+from steer_env.testcar.car import CarState, Load, Mechanics, car_at_rest, car_step, drifted, mean_drift
+from steer_env.testcar.parameters import Robot, UnitSensors
+
+PERIOD = 1e-3  # s, robot and control unit
+SUBSTEPS = 2
+LONGEST_DEAD_TIME = 16  # periods
+
+# Columns of a record, SI; rack, friction and motor torques act at the pinion.
+RECORD = (
+    "steering_angle",
+    "steering_rate",
+    "pinion_angle",
+    "pinion_rate",
+    "steering_torque",
+    "torsion_bar_torque",
+    "basic_assist",
+    "compensation",
+    "pinion_friction",
+    "rack_torque",
+    "lateral_speed",
+    "yaw_rate",
+    "lateral_acceleration",
+    "roll",
+)
+VEHICLE_RECORD = ("lateral_speed", "yaw_rate", "lateral_acceleration", "roll", "rack_torque", "yaw_acceleration")
+
+Array = NDArray[np.float64]
+
+
+class Machine(NamedTuple):
+    """All parameters of one run at one speed."""
+
+    mechanics: Mechanics
+    law: ControlLaw
+    motor: Motor
+    robot: Robot
+    sensors: UnitSensors
+
+
+@scalar
+def servo_torque(target: float, target_rate: float, angle: float, rate: float, p: Robot) -> float:
+    """Torque in N m of the robot's servo: proportional and derivative, with the target's rate fed forward."""
+    omega = 2.0 * math.pi * p.bandwidth_Hz
+    torque = (p.J + p.wheel_J) * omega * (omega * (target - angle) + 2.0 * p.damping * (target_rate - rate))
+    return min(max(torque, -p.torque_limit), p.torque_limit)
+
+
+@scalar
+def record_row(row: Array, x: CarState, robot_torque: float, load: Load, p: Mechanics) -> None:
+    """Write one row of RECORD."""
+    tyre_angle = x.motion.pinion_angle * (1.0 / p.vehicle.i_s)
+    _, a_y, M_rack = two_track_rates(x.track, tyre_angle, load.speed, load.side_force, p.vehicle)
+    row[0], row[1] = x.motion.steering_angle, x.motion.steering_rate
+    row[2], row[3] = x.motion.pinion_angle, x.motion.pinion_rate
+    row[4], row[5] = robot_torque, torsion_bar_torque(x.motion, p.steering)
+    row[6], row[7], row[8] = x.basic, x.compensation, x.pinion_friction
+    row[9] = M_rack + load.road_torque
+    row[10], row[11], row[12], row[13] = x.track.lateral_speed, x.track.yaw_rate, a_y, x.track.roll
+
+
+@compiled
+def rollout(target: Array, target_rate: Array, road_torque: Array, side_force: Array, speed: float, p: Machine) -> Array:
+    """Record [n, len(RECORD)] of one run at PERIOD.
+
+    ``target`` in rad and ``target_rate`` in rad/s [n] are what the robot is asked for, ``road_torque`` in N m at the
+    pinion and ``side_force`` in N [n] are disturbances, ``speed`` in m/s is held.
+    """
+    n = target.size
+    record = np.zeros((n, len(RECORD)))
+    basic_line, compensation_line = np.zeros(LONGEST_DEAD_TIME), np.zeros(LONGEST_DEAD_TIME)
+    dead_time = int(p.motor.dead_time)
+    h = PERIOD / SUBSTEPS
+    decay_half = lag_decay(p.motor.bandwidth_Hz, 0.5 * h)
+    ratio = p.mechanics.steering.motor_ratio
+    x = car_at_rest()
+    unit = ControlState(0.0, 0.0, 0.0, 0.0, 0.0)
+    last = 0.0
+    for k in range(n):
+        q = x.motion
+        robot_torque = servo_torque(target[k], target_rate[k], q.steering_angle, q.steering_rate, p.robot)
+        load = Load(robot_torque, road_torque[k], side_force[k], speed)
+        record_row(record[k], x, robot_torque, load, p.mechanics)
+        M_tb = measured(torsion_bar_torque(q, p.mechanics.steering), p.sensors.torque_step, 0.0, 0.0)
+        angle = measured(q.pinion_angle, p.sensors.angle_step, 0.0, 0.0)
+        basic, compensation, unit = control_step(unit, M_tb, angle, p.law, PERIOD)
+        last = limited_command((basic + compensation) / ratio, last, p.motor, PERIOD)
+        basic_line[k % LONGEST_DEAD_TIME] = basic
+        compensation_line[k % LONGEST_DEAD_TIME] = last * ratio - basic
+        due = (k - dead_time) % LONGEST_DEAD_TIME
+        for _ in range(SUBSTEPS):
+            x = car_step(x, basic_line[due], compensation_line[due], decay_half, load, p.mechanics, h)
+    return record
+
+
+@compiled
+def vehicle_rollout(pinion_angle: Array, speed: float, p: TwoTrack) -> Array:
+    """Record [n, len(VEHICLE_RECORD)] of the car alone, led by a pinion angle in rad [n] at PERIOD.
+
+    The angle is taken as straight between samples; one Runge-Kutta step per period.
+    """
+    n = pinion_angle.size
+    record = np.zeros((n, len(VEHICLE_RECORD)))
+    x = TwoTrackState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    per_ratio = 1.0 / p.i_s
+    for k in range(n):
+        a0 = pinion_angle[k] * per_ratio
+        a2 = pinion_angle[min(k + 1, n - 1)] * per_ratio
+        a1 = 0.5 * (a0 + a2)
+        k0, a_y, M_rack = two_track_rates(x, a0, speed, 0.0, p)
+        record[k, 0], record[k, 1], record[k, 2] = x.lateral_speed, x.yaw_rate, a_y
+        record[k, 3], record[k, 4], record[k, 5] = x.roll, M_rack, k0.yaw_rate
+        k1, _, _ = two_track_rates(drifted(x, 0.5 * PERIOD, k0), a1, speed, 0.0, p)
+        k2, _, _ = two_track_rates(drifted(x, 0.5 * PERIOD, k1), a1, speed, 0.0, p)
+        k3, _, _ = two_track_rates(drifted(x, PERIOD, k2), a2, speed, 0.0, p)
+        x = drifted(x, PERIOD, mean_drift(k0, k1, k2, k3))
+    return record
