@@ -1,7 +1,7 @@
 """Steering plants, haptic references and the Gymnasium environments made of them.
 
-Importing this package registers the environment ids and nothing else: the physics is compiled and the
-plotting libraries are loaded when they are first used.
+Importing this package registers the environment ids and nothing else: the physics is compiled and
+the plotting libraries are loaded when they are first used.
 """
 
 from itertools import product

@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write UTF-8 text with Unix line ends, so that the same content is the same bytes everywhere."""
+    """Write UTF-8 text; line ends stay as given, so equal content is equal bytes everywhere."""
     write_bytes(path, text.encode("utf-8"))
 
 
@@ -38,9 +38,9 @@ def folder(path: str | os.PathLike[str], resume_key: str | None = None) -> Itera
 
     Args:
         path: the folder to write.
-        resume_key: None: an interrupted block leaves nothing behind. A name made from everything the
-            content depends on (a hash of the inputs): the staging folder survives an interruption, and
-            the next call with the same key hands it out again, with what it already holds.
+        resume_key: None: an interrupted block leaves nothing behind. A name made from everything
+            the content depends on (a hash of the inputs): the staging folder survives an
+            interruption, and the next call with the same key hands it out again, as it was left.
     """
     path = Path(path).resolve()  # "." has a name and a parent only then
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -77,7 +77,7 @@ def _move_into(staging: Path, path: Path) -> None:
 
 
 def _ordinary_mode(path: Path, for_new: int = 0o666) -> int:
-    """Permissions of what is replaced, or what a new one would get (those of tempfile are private)."""
+    """Permissions of what is replaced, or of anything new (tempfile's own are private)."""
     if path.exists():
         return path.stat().st_mode & 0o777
     mask = os.umask(0)

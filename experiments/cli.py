@@ -1,0 +1,120 @@
+"""The program steer-env: a table of commands, each loaded when it is called, and the exit statuses.
+
+0 done, 1 a fault of ours, 2 bad input or usage, 130 interrupted.
+"""
+
+import errno
+import importlib
+import importlib.util
+import traceback
+from typing import Any, NamedTuple
+
+import click
+
+from experiments.cli_options import debug_option
+from steer_env import __version__
+from steer_env.errors import InputError
+
+FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
+# What the user can mend although Python, not we, noticed it.
+_USERS_DISK = (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM)
+
+
+class Entry(NamedTuple):
+    """Where a command is, and its line in the help (so that the help loads no command)."""
+
+    target: str
+    does: str
+
+
+COMMANDS = {
+    "demo": Entry(
+        "experiments.demo:command", "The main job, end to end, on what the package ships."
+    ),
+    "simulate": Entry(
+        "experiments.simulate:command", "Drive the virtual test vehicle: a campaign."
+    ),
+    "identify": Entry("experiments.identify:command", "Turn a campaign into a haptic reference."),
+    "benchmark": Entry(
+        "experiments.benchmark:command", "Score controllers on tracking a reference."
+    ),
+    "train": Entry("experiments.train:command", "Train a torque policy."),
+    "gap": Entry("experiments.gap:command", "Find, name and add the effect that a model misses."),
+    "rig": Entry("experiments.rig:command", "A force-feedback motor on a CAN bus."),
+    "reproduce-paper": Entry(
+        "experiments.reproduce_paper:command", "Lay the published figures and tables beside ours."
+    ),
+}
+
+
+class Program(click.Group):
+    """A group that loads a command when it is named and turns exceptions into exit statuses."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Name the commands of this version, in the order in which one works."""
+        return [name for name in COMMANDS if _is_here(name)]
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without loading them."""
+        rows = [(name, COMMANDS[name].does) for name in self.list_commands(ctx)]
+        if rows:
+            with formatter.section("Commands"):
+                formatter.write_dl(rows)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Load one command; None where there is no such name."""
+        if cmd_name not in COMMANDS:
+            return None
+        if not _is_here(cmd_name):
+            ctx.fail(f"'{cmd_name}' is not part of version {__version__}.")
+        module, attribute = COMMANDS[cmd_name].target.split(":")
+        command: click.Command = getattr(importlib.import_module(module), attribute)
+        return command
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run, and say what went wrong in one message on stderr."""
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit):
+            raise  # click's own: usage errors (2), --help
+        except InputError as error:
+            _stop(ctx, BAD_INPUT, str(error), error)
+        except (KeyboardInterrupt, click.Abort) as error:
+            _stop(ctx, INTERRUPTED, "interrupted; partial results kept", error)
+        except OSError as error:
+            if error.errno == errno.EPIPE:
+                raise  # the reader of our stdout left; click ends quietly
+            if error.errno in _USERS_DISK:
+                _stop(ctx, BAD_INPUT, f"{error.filename}: {error.strerror}", error)
+            _stop(ctx, FAULT, _fault(error), error)
+        except Exception as error:
+            _stop(ctx, FAULT, _fault(error), error)
+
+
+def _is_here(name: str) -> bool:
+    return importlib.util.find_spec(COMMANDS[name].target.split(":")[0]) is not None
+
+
+def _fault(error: Exception) -> str:
+    return (
+        f"a fault in steer-env ({type(error).__name__}: {error}). "
+        "Run again with --debug and report what it prints."
+    )
+
+
+def _stop(ctx: click.Context, status: int, message: str, error: BaseException) -> None:
+    if ctx.find_root().meta.get("debug"):
+        click.echo("".join(traceback.format_exception(error)), err=True)
+    click.echo(f"steer-env: {message}", err=True)
+    ctx.exit(status)
+
+
+@click.group(cls=Program, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="steer-env")
+@debug_option
+def main() -> None:
+    """From steering measurements to a haptic reference, and to environments that track it."""
+
+
+if __name__ == "__main__":
+    main(prog_name="steer-env")
