@@ -30,7 +30,7 @@ _OPTIONS = {"error_model": "numpy", "fastmath": False, "nogil": True}
 
 def scalar(function: F) -> F:
     """A scalar equation: plain Python from Python, inlined in compiled callers."""
-    return register_jitable(jit_options={"error_model": "numpy", "forceinline": True})(function)  # type: ignore[no-any-return]
+    return register_jitable(error_model="numpy", forceinline=True)(function)  # type: ignore[no-any-return]
 
 
 def compiled(function: F) -> F:

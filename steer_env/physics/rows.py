@@ -24,8 +24,8 @@ def fixed_tuple(row: Row, n: int) -> tuple[float, ...]:
     return tuple(row.tolist())
 
 
-@overload(fixed_tuple)
-def _fixed_tuple_compiled(row: Any, n: Any) -> Any:
+@overload(fixed_tuple, strict=False, prefer_literal=True)  # numba compares argument names, not annotations
+def _fixed_tuple_compiled(row, n):  # type: ignore[no-untyped-def]
     return lambda row, n: to_fixed_tuple(row, n)
 
 

@@ -34,8 +34,8 @@ class TwoTrack(NamedTuple):
     b_roll_f: Annotated[float, Quantity("N m s/rad", "front roll damping", 0.0, 1e6, "assumption")] = 3000.0
     b_roll_r: Annotated[float, Quantity("N m s/rad", "rear roll damping", 0.0, 1e6, "assumption")] = 2500.0
     compliance_f: Annotated[
-        float, Quantity("rad/N", "front steer lost per axle side force", -1e-5, 1e-5, "assumption: 0.09 deg/kN")
-    ] = 1.5e-6
+        float, Quantity("rad/N", "front steer lost per axle side force", -1e-5, 1e-5, "assumption: 0.07 deg/kN")
+    ] = 1.2e-6
     compliance_r: Annotated[
         float, Quantity("rad/N", "rear steer lost per axle side force", -1e-5, 1e-5, "assumption: toe-in under force")
     ] = -2.0e-7
@@ -43,11 +43,11 @@ class TwoTrack(NamedTuple):
     roll_steer_r: Annotated[float, Quantity("rad/rad", "rear steer lost per roll", -0.5, 0.5, "assumption")] = -0.02
     ackermann: Annotated[float, Quantity("-", "share of full Ackermann geometry", 0.0, 1.5, "assumption")] = 0.6
     mechanical_trail: Annotated[
-        float, Quantity("m", "caster trail at the ground", 0.0, 0.1, "assumption: 5.5 deg caster")
-    ] = 0.031
+        float, Quantity("m", "caster trail at the ground", 0.0, 0.1, "assumption: 7 deg caster")
+    ] = 0.040
     i_s: Annotated[float, Quantity("-", "pinion angle / road-wheel angle", 5.0, 40.0, "assumption")] = 16.2
     front: Tyre = Tyre()
-    rear: Tyre = Tyre(stiffness_max=84000.0)
+    rear: Tyre = Tyre(stiffness_max=86000.0, trail=0.036)
 
 
 class TwoTrackState(NamedTuple):

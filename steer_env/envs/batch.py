@@ -1,0 +1,93 @@
+"""Compiled entry points over rows: one period of many environments, their start, and a whole closed-loop episode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.envs.layout import LINE_LENGTH, LINES, PARAMETERS, STATE, Clock
+from steer_env.envs.period import control_period, set_speed
+from steer_env.physics._jit import compiled
+from steer_env.physics.control_unit import Observation
+
+Array = NDArray[np.float64]
+
+_store_clock = STATE.storer("clock")
+_episode = PARAMETERS.loader("episode")
+
+
+def new_rows(n: int) -> tuple[Array, Array, Array]:
+    """Empty parameter rows [n, p], state rows [n, s] and delay lines [n, 4, 16]."""
+    return np.zeros((n, PARAMETERS.size)), np.zeros((n, STATE.size)), np.zeros((n, len(LINES), LINE_LENGTH))
+
+
+@compiled
+def start_batch(parameters: Array, states: Array, lines: Array, table: Array, car_table: Array) -> None:
+    """Bring rows to rest at the start of their episodes."""
+    for i in range(parameters.shape[0]):
+        states[i, :] = 0.0
+        lines[i, :, :] = 0.0
+        speed = _episode(parameters[i]).speed
+        _store_clock(states[i], Clock(0.0, speed, 0.0))
+        set_speed(speed, parameters[i], states[i], table, car_table)
+
+
+@compiled
+def step_batch(
+    commands: Array,
+    noise: Array,
+    parameters: Array,
+    states: Array,
+    lines: Array,
+    table: Array,
+    car_table: Array,
+    observations: Array,
+    truths: Array,
+) -> None:
+    """One period of n environments: commands [n] in N m, noise [n, 2]; fills observations [n, o] and truths [n, t]."""
+    for i in range(commands.shape[0]):
+        observation, truth = control_period(
+            commands[i], noise[i, 0], noise[i, 1], parameters[i], states[i], lines[i], table, car_table
+        )
+        for j in range(len(observation)):
+            observations[i, j] = observation[j]
+        for j in range(len(truth)):
+            truths[i, j] = truth[j]
+
+
+def make_rollout(law: Callable[[Observation, Any, Any], Any]) -> Callable[..., int]:
+    """A compiled closed-loop episode around a pure control law (observation, state, parameters) -> (torque, state).
+
+    The result runs ``truths.shape[0]`` periods of one environment from its present rows: call it with (law state, law
+    parameters, first observation, noise [T, 2], parameter row, state row, lines, table, car table, truths [T, t]); it
+    returns how many periods ran before the episode ended or turned unstable.
+    """
+
+    @compiled
+    def rollout(
+        law_state: Any,
+        law_parameters: Any,
+        observation: Any,
+        noise: Array,
+        p_row: Array,
+        s_row: Array,
+        lines: Array,
+        table: Array,
+        car_table: Array,
+        truths: Array,
+    ) -> int:
+        for k in range(truths.shape[0]):
+            command, law_state = law(observation, law_state, law_parameters)
+            observation, truth = control_period(
+                command, noise[k, 0], noise[k, 1], p_row, s_row, lines, table, car_table
+            )
+            for j in range(len(truth)):
+                truths[k, j] = truth[j]
+            if truth.unstable > 0.5:
+                return k + 1
+        return int(truths.shape[0])
+
+    return rollout

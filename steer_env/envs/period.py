@@ -1,0 +1,258 @@
+"""One control period of one environment: limits, motor, plant, sensors, control unit, ideal reference, reward."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from steer_env.envs.layout import PARAMETERS, PERIOD, STATE, SUBSTEPS, CarSpread, Clock, Episode, Truth
+from steer_env.manoeuvres import hand_at
+from steer_env.physics import plant
+from steer_env.physics._jit import scalar
+from steer_env.physics.control_unit import Commands, Observation, control_unit_step
+from steer_env.physics.driver import driver_torque
+from steer_env.physics.motor import lag_decay, limited_command
+from steer_env.physics.reference import ReferenceParameters, admittance_step, impedance_step, reference_load
+from steer_env.physics.rows import fixed_tuple
+from steer_env.physics.sensors import measured
+from steer_env.physics.steering import torsion_bar_torque
+from steer_env.physics.vehicle import lateral_acceleration
+
+RATE_LIMIT = 80.0  # rad/s, a wheel faster than this has been thrown: no driver, robot or motor of ours goes there
+TORQUE_LIMIT = 150.0  # N m through the elastic element, likewise
+PART_LIMIT = 10.0  # no part of the reward costs more than this in one period
+N_REFERENCE = len(ReferenceParameters._fields)
+
+_steering = PARAMETERS.loader("steering")
+_motor = PARAMETERS.loader("motor")
+_driver = PARAMETERS.loader("driver")
+_sensors = PARAMETERS.loader("sensors")
+_observer = PARAMETERS.loader("observer")
+_manoeuvre = PARAMETERS.loader("manoeuvre")
+_episode = PARAMETERS.loader("episode")
+_car_spread = PARAMETERS.loader("car_spread")
+_reward = PARAMETERS.loader("reward")
+_load_plant, _store_plant = STATE.loader("plant"), STATE.storer("plant")
+_load_observer, _store_observer = STATE.loader("observer"), STATE.storer("observer")
+_load_generator, _store_generator = STATE.loader("generator"), STATE.storer("generator")
+_load_judge, _store_judge = STATE.loader("judge"), STATE.storer("judge")
+_load_commands, _store_commands = STATE.loader("commands"), STATE.storer("commands")
+_load_clock, _store_clock = STATE.loader("clock"), STATE.storer("clock")
+_load_reference, _store_reference = STATE.loader("reference"), STATE.storer("reference")
+_load_car, _store_car = STATE.loader("car"), STATE.storer("car")
+
+
+@scalar
+def row_at(speed: float, table: Any) -> ReferenceParameters:
+    """Reference parameters at a speed in m/s from a table [n, 1 + n_fields]; held beyond its ends."""
+    last = table.shape[0] - 1
+    low = 0
+    while low < last - 1 and table[low + 1, 0] <= speed:
+        low += 1
+    high = min(low + 1, last)
+    span = table[high, 0] - table[low, 0]
+    share = 0.0 if span <= 0.0 else min(max((speed - table[low, 0]) / span, 0.0), 1.0)
+    lower = ReferenceParameters(*fixed_tuple(table[low, 1:], N_REFERENCE))
+    upper = ReferenceParameters(*fixed_tuple(table[high, 1:], N_REFERENCE))
+    return _blend(lower, upper, share)
+
+
+@scalar
+def _blend(a: ReferenceParameters, b: ReferenceParameters, share: float) -> ReferenceParameters:
+    return ReferenceParameters(
+        a.J_ref + share * (b.J_ref - a.J_ref),
+        a.b_ref + share * (b.b_ref - a.b_ref),
+        a.k_gain + share * (b.k_gain - a.k_gain),
+        a.M_fric_C + share * (b.M_fric_C - a.M_fric_C),
+        a.c_fric + share * (b.c_fric - a.c_fric),
+        a.r + share * (b.r - a.r),
+        a.sigma + share * (b.sigma - a.sigma),
+        a.c_extra + share * (b.c_extra - a.c_extra),
+        a.relaxed,
+        a.linear,
+        a.m,
+        a.l_f,
+        a.l_r,
+        a.J_z + share * (b.J_z - a.J_z),
+        a.C_f + share * (b.C_f - a.C_f),
+        a.C_r + share * (b.C_r - a.C_r),
+        a.sigma_f + share * (b.sigma_f - a.sigma_f),
+        a.sigma_r + share * (b.sigma_r - a.sigma_r),
+        a.n_t + share * (b.n_t - a.n_t),
+        a.i_s,
+    )
+
+
+@scalar
+def car_behind(row: ReferenceParameters, spread: CarSpread) -> ReferenceParameters:
+    """The car that loads the rack: the identified one with its spread; only its vehicle fields are used."""
+    return ReferenceParameters(
+        row.J_ref,
+        row.b_ref,
+        row.k_gain,
+        row.M_fric_C,
+        row.c_fric,
+        row.r,
+        row.sigma,
+        row.c_extra,
+        row.relaxed,
+        row.linear,
+        row.m * spread.mass,
+        row.l_f,
+        row.l_r,
+        row.J_z * spread.mass,
+        row.C_f * spread.grip,
+        row.C_r * spread.grip,
+        row.sigma_f,
+        row.sigma_r,
+        row.n_t * spread.trail,
+        row.i_s,
+    )
+
+
+@scalar
+def set_speed(speed: float, p_row: Any, s_row: Any, table: Any, car_table: Any) -> None:
+    """Put the reference and the car of a speed in m/s into the state row."""
+    _store_reference(s_row, row_at(speed, table))
+    _store_car(s_row, car_behind(row_at(speed, car_table), _car_spread(p_row)))
+
+
+@scalar
+def _next_speed(speed: float, e: Episode) -> float:
+    if e.speed_rate > 0.0:
+        return min(speed + e.speed_rate * PERIOD, max(e.speed_end, speed))
+    if e.speed_rate < 0.0:
+        return max(speed + e.speed_rate * PERIOD, min(e.speed_end, speed))
+    return speed
+
+
+@scalar
+def control_period(
+    command: float,
+    noise_angle: float,
+    noise_torque: float,
+    p_row: Any,
+    s_row: Any,
+    lines: Any,
+    table: Any,
+    car_table: Any,
+) -> tuple[Observation, Truth]:
+    """Run one period with a motor command in N m; rows are updated in place, (observation, truth) is returned.
+
+    ``lines`` [4, 16] are the delay lines of LINES; ``table`` and ``car_table`` are references over speed. The two
+    noises are standard normal draws handed in.
+    """
+    motor, steering, sensors, driver = _motor(p_row), _steering(p_row), _sensors(p_row), _driver(p_row)
+    episode, clock, commands = _episode(p_row), _load_clock(s_row), _load_commands(s_row)
+    k = int(clock.period)
+    speed = _next_speed(clock.speed, episode)
+    if speed != clock.speed:
+        set_speed(speed, p_row, s_row, table, car_table)
+    reference, car = _load_reference(s_row), _load_car(s_row)
+
+    limited = limited_command(command, commands.last_1, motor, PERIOD)
+    lines[0, k & 15] = limited
+    target = lines[0, (k - int(motor.dead_time)) & 15]
+    hand = hand_at(episode.kind, (k + 0.5) * PERIOD, _manoeuvre(p_row))
+    h = PERIOD / SUBSTEPS
+    decay = lag_decay(motor.bandwidth_Hz, 0.5 * h)
+    x = _load_plant(s_row)
+    for _ in range(SUBSTEPS):
+        x = plant.plant_step(x, target, decay, hand, speed, episode.rack_share, steering, driver, car, h)
+    _store_plant(s_row, x)
+
+    q = plant.motion_of(x)
+    M_tb = torsion_bar_torque(q, steering)
+    ideal, error, cost = _judge(x, q, M_tb, hand, speed, p_row, s_row, reference, car)
+
+    lines[1, k & 15] = measured(x.pinion_angle, sensors.angle_step, sensors.angle_noise, noise_angle)
+    lines[2, k & 15] = measured(M_tb, sensors.torque_step, sensors.torque_noise, noise_torque)
+    lines[3, k & 15] = x.motor_torque
+    sensed_at = (k - int(sensors.angle_delay)) & 15
+    commands = Commands(limited, commands.last_1, commands.last_2, commands.last_3)
+    observation, seen, generator = control_unit_step(
+        lines[1, sensed_at],
+        lines[2, (k - int(sensors.torque_delay)) & 15],
+        lines[3, sensed_at],
+        commands,
+        speed,
+        episode.admittance,
+        _load_observer(s_row),
+        _load_generator(s_row),
+        clock.last_reference,
+        _observer(p_row),
+        reference,
+        PERIOD,
+    )
+    _store_observer(s_row, seen)
+    _store_generator(s_row, generator)
+    _store_commands(s_row, commands)
+    _store_clock(s_row, Clock(k + 1.0, speed, observation.reference))
+
+    weights = _reward(p_row)
+    change = (limited - commands.last_2) / motor.rated_torque
+    share = limited / motor.rated_torque
+    track = plant.track_of(x)
+    unstable = (
+        abs(x.steering_rate) > RATE_LIMIT or abs(x.pinion_rate) > RATE_LIMIT or abs(M_tb) > TORQUE_LIMIT
+    )
+    truth = Truth(
+        (k + 1) * PERIOD,
+        speed,
+        x.steering_angle,
+        x.steering_rate,
+        driver_torque(x.steering_angle, x.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver),
+        x.pinion_angle,
+        x.pinion_rate,
+        M_tb,
+        x.motor_torque,
+        limited,
+        episode.rack_share * reference_load(x.pinion_angle, track, speed, car),
+        x.yaw_rate,
+        lateral_acceleration(track, plant.single_track_of(car)),
+        ideal,
+        error,
+        -min(cost, PART_LIMIT),
+        -min(weights.smoothness * change * change, PART_LIMIT),
+        -min(weights.effort * share * share, PART_LIMIT),
+        1.0 if unstable or math.isnan(x.pinion_rate) else 0.0,
+    )
+    return observation, truth
+
+
+@scalar
+def _judge(
+    x: plant.PlantState,
+    q: Any,
+    M_tb: float,
+    hand: plant.Hand,
+    speed: float,
+    p_row: Any,
+    s_row: Any,
+    reference: ReferenceParameters,
+    car: ReferenceParameters,
+) -> tuple[float, float, float]:
+    """(ideal reference, true value minus it, cost): the generator fed with true signals, without sensors or delay."""
+    episode, weights = _episode(p_row), _reward(p_row)
+    if episode.admittance > 0.5:
+        _, judge = admittance_step(M_tb, _load_judge(s_row), speed, reference, PERIOD)
+        ideal, error, scale = judge.pinion_angle, x.pinion_angle - judge.pinion_angle, weights.angle_scale
+    else:
+        rates, _ = plant.plant_rates(
+            x,
+            q,
+            plant.track_of(x),
+            x.motor_torque,
+            hand,
+            speed,
+            episode.rack_share,
+            _steering(p_row),
+            _driver(p_row),
+            car,
+        )
+        ideal, _, judge = impedance_step(
+            x.pinion_angle, x.pinion_rate, rates.pinion_rate, _load_judge(s_row), speed, reference, PERIOD
+        )
+        error, scale = M_tb - ideal, weights.torque_scale
+    _store_judge(s_row, judge)
+    return ideal, error, abs(error) / scale
