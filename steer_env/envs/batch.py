@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.envs.layout import LINE_LENGTH, LINES, PARAMETERS, STATE, Clock
+from steer_env.envs.layout import LINE_LENGTH, LINES, OBSERVATION_LIMIT, PARAMETERS, STATE, Clock
 from steer_env.envs.period import control_period, set_speed
 from steer_env.physics._jit import compiled
 from steer_env.physics.control_unit import Observation
@@ -44,16 +44,23 @@ def step_batch(
     lines: Array,
     table: Array,
     car_table: Array,
+    scales: Array,
     observations: Array,
+    scaled: NDArray[np.float32],
     truths: Array,
 ) -> None:
-    """One period of n environments: commands [n] in N m, noise [n, 2]; fills observations [n, o] and truths [n, t]."""
+    """One period of n environments: commands [n] in N m, noise [n, 2].
+
+    Fills observations [n, o] in SI, the same divided by ``scales`` [n, o] and clipped, and truths [n, t].
+    """
     for i in range(commands.shape[0]):
         observation, truth = control_period(
             commands[i], noise[i, 0], noise[i, 1], parameters[i], states[i], lines[i], table, car_table
         )
         for j in range(len(observation)):
             observations[i, j] = observation[j]
+            share = observation[j] / scales[i, j]
+            scaled[i, j] = min(max(share, -OBSERVATION_LIMIT), OBSERVATION_LIMIT)
         for j in range(len(truth)):
             truths[i, j] = truth[j]
 

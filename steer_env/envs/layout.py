@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from steer_env.manoeuvres import ManoeuvreParameters
-from steer_env.physics.control_unit import Commands
+from steer_env.physics.control_unit import Commands, Observation
 from steer_env.physics.driver import Driver
 from steer_env.physics.motor import Motor
 from steer_env.physics.plant import PlantState
@@ -84,6 +84,24 @@ class Truth(NamedTuple):
     reward_effort: float
     unstable: float
 
+
+# What one unit of a scaled observation is, field by field; scaled values end at +-OBSERVATION_LIMIT.
+OBSERVATION_SCALES = Observation(
+    pinion_angle=1.0,
+    pinion_rate=10.0,
+    pinion_acceleration=200.0,
+    torsion_bar_torque=5.0,
+    reference=5.0,  # N m; 1 rad in admittance, see SteerEnv
+    reference_rate=50.0,  # N m/s; 10 rad/s in admittance
+    reference_acceleration=200.0,
+    effective_torque=25.0,
+    speed=30.0,
+    last_torque_1=1.0,  # times the motor's rated torque
+    last_torque_2=1.0,
+    last_torque_3=1.0,
+    last_torque_4=1.0,
+)
+OBSERVATION_LIMIT = 10.0
 
 PARAMETERS = Layout(
     steering=Steering,

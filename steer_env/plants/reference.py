@@ -105,6 +105,11 @@ class Reference:
         return bare._replace(c_extra=missing_stiffness(from_kmh(row.speed_kmh), bare, row.c_pin_on))
 
 
+def steady_stiffness(speed: float, p: ReferenceParameters) -> float:
+    """|load torque / pinion angle| at 0.2 Hz in N m/rad: c_pin_on of the parameters themselves."""
+    return float(abs(linear.frequency_response(linear.load_matrices(speed, p), STEADY_FREQUENCY_Hz)[0, 0, 0]))
+
+
 def missing_stiffness(speed: float, p: ReferenceParameters, c_pin_on: float) -> float:
     """Real stiffness in N m/rad that brings |load torque / pinion angle| at 0.2 Hz to ``c_pin_on``."""
     response = linear.frequency_response(linear.load_matrices(speed, p), STEADY_FREQUENCY_Hz)[0, 0, 0]

@@ -1,0 +1,8 @@
+"""Gymnasium environments: a plant, a reference, a driver and a manoeuvre become a task."""
+
+from __future__ import annotations
+
+from steer_env.envs.steer_env import SteerEnv
+from steer_env.envs.task import Task
+
+__all__ = ["SteerEnv", "Task"]

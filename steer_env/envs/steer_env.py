@@ -1,0 +1,201 @@
+"""SteerEnv: one steering system that has to feel like its reference."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.envs import batch
+from steer_env.envs.layout import OBSERVATION_LIMIT, OBSERVATION_SCALES, PARAMETERS, PERIOD, Truth
+from steer_env.envs.task import Setup, Task, prepare
+from steer_env.physics.control_unit import Observation
+from steer_env.physics.motor import Motor
+from steer_env.plants import Plant, Reference
+
+NOISE_BLOCK = 512  # periods of noise drawn at once
+RENDER_FPS = 25
+
+
+class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """A driver turns a wheel; the motor must make it feel like the reference. One step is one control period of 1 ms.
+
+    ## Action
+    Box(-1, 1, (1,)): motor torque as a share of the motor's rated torque, positive to the left. Beyond +-1 it is
+    clipped and ``info["clipped"]`` says so; NaN is a ValueError that leaves the state untouched.
+
+    ## Observation
+    Box(-10, 10, (13,), float32): the fields of ``Observation`` in its order, each divided by its unit in
+    ``OBSERVATION_SCALES``. It holds measured signals only (resolution, noise, latency), the reference made from them,
+    speed and the last four commands. ``info["observation"]`` is the same in SI, as controllers take it.
+
+    ## Reward
+    Sum of ``reward_tracking`` (minus the true error against the ideal reference in units of 0.5 N m or 1 deg),
+    ``reward_smoothness`` and ``reward_effort``, each in ``info``. The ideal reference is fed with true signals.
+
+    ## Start and end
+    At rest, straight ahead. Truncated at the end of the manoeuvre, or where the wheel is thrown (``info["ended"]``
+    tells which). Never terminated. ``info`` carries the fields of ``Truth`` in SI.
+
+    ## Options
+    Fields of ``Task``, at ``gymnasium.make`` and, for one episode on, in ``reset(options={...})``.
+
+    ## Version history
+    v0: first.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": RENDER_FPS}
+
+    def __init__(self, render_mode: str | None = None, **options: Any) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
+        self.render_mode = render_mode
+        self.task = Task().changed(options)
+        n = len(Observation._fields)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
+        self.observation_space = gymnasium.spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, (n,), np.float32)
+        self._rows = batch.new_rows(1)
+        self._observation = np.zeros((1, n))
+        self._scaled = np.zeros((1, n), np.float32)
+        self._truth = np.zeros((1, len(Truth._fields)))
+        self._scales = np.ones((1, n))
+        self._command = np.zeros(1)
+        self._viewer: Any = None
+        # Checked now, so that a wrong option is told at make; the draw from a spare generator is thrown away.
+        self._setup: Setup = prepare(self.task, np.random.default_rng(0), PERIOD)
+        self._period = -1
+
+    @property
+    def plant(self) -> Plant:
+        """The plant before randomisation."""
+        return self._setup.plant
+
+    @property
+    def reference(self) -> Reference:
+        """The haptic reference; ``reference.to_statespace(speed)`` is Eq. 10 as a control.StateSpace."""
+        return self._setup.reference
+
+    @property
+    def motor(self) -> Motor:
+        """The motor of this episode."""
+        motor: Motor = PARAMETERS.read(self._setup.row, "motor")
+        return motor
+
+    @property
+    def observation(self) -> Observation:
+        """The latest observation in SI, as controllers take it."""
+        return Observation(*self._observation[0].tolist())
+
+    def action_for(self, torque: float) -> NDArray[np.float32]:
+        """The action that commands a motor torque in N m."""
+        return np.array([torque / self._rated_torque], np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode; ``options`` are fields of Task and hold until changed again."""
+        super().reset(seed=seed)
+        if options:
+            self.task = self.task.changed(options)
+        self._setup = prepare(self.task, self.np_random, PERIOD)
+        self._rows[0][0] = self._setup.row
+        self._rated_torque = self.motor.rated_torque
+        self._scales[0] = _scales(self.task.causality, self._rated_torque)
+        batch.start_batch(*self._rows, self._setup.table, self._setup.car_table)
+        self._period = 0
+        self._draw_noise()
+        speed = PARAMETERS.read(self._setup.row, "episode").speed
+        self._observation[0] = Observation(*[0.0] * 8, speed, *[0.0] * 4)
+        self._scaled[0] = self._observation[0] / self._scales[0]
+        self._truth[0] = 0.0
+        self._truth[0, Truth._fields.index("speed")] = speed
+        if self._viewer is not None:
+            self._viewer.restart()
+        return self._scaled[0].copy(), self._info(clipped=False, ended="")
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """One control period with a motor torque as a share of the rated torque."""
+        if self._period < 0:
+            raise RuntimeError("step before reset: call env.reset() first")
+        share = float(np.asarray(action).reshape(-1)[0])
+        if not math.isfinite(share):
+            raise ValueError(f"action is {share}: give a finite share of the rated torque in [-1, 1]; nothing was done")
+        clipped = share < -1.0 or share > 1.0
+        self._command[0] = min(max(share, -1.0), 1.0) * self._rated_torque
+        if self._next_noise == NOISE_BLOCK:
+            self._draw_noise()
+        noise = self._noise[self._next_noise]
+        self._next_noise += 1
+        batch.step_batch(
+            self._command,
+            noise,
+            *self._rows,
+            self._setup.table,
+            self._setup.car_table,
+            self._scales,
+            self._observation,
+            self._scaled,
+            self._truth,
+        )
+        self._period += 1
+        truth = self._truth[0]
+        ended = ""
+        if truth[-1] > 0.5:
+            ended = "unstable: the wheel was thrown beyond any sane rate or torque"
+        elif self._period >= self._setup.periods:
+            ended = "end of the manoeuvre"
+        info = self._info(clipped, ended)
+        reward = info["reward_tracking"] + info["reward_smoothness"] + info["reward_effort"]
+        if self._viewer is not None or self.render_mode == "human":
+            self._record(info)
+        return self._scaled[0].copy(), reward, False, bool(ended), info
+
+    def _info(self, clipped: bool, ended: str) -> dict[str, Any]:
+        info: dict[str, Any] = dict(zip(Truth._fields, self._truth[0].tolist(), strict=True))
+        info["observation"] = self.observation
+        info["clipped"] = clipped
+        info["ended"] = ended
+        return info
+
+    def _draw_noise(self) -> None:
+        self._noise = self.np_random.standard_normal((NOISE_BLOCK, 1, 2))
+        self._next_noise = 0
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """The wheel and the traces of torque and angle against the reference, as an image [h, w, 3]."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() without a render_mode; give one at gymnasium.make")
+            return None
+        image: NDArray[np.uint8] = self._ensure_viewer().draw()
+        return image if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window, if any."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
+
+    def _record(self, info: dict[str, Any]) -> None:
+        self._ensure_viewer().record(info)
+
+    def _ensure_viewer(self) -> Any:
+        if self._viewer is None:
+            from steer_env.envs.viewer import Viewer  # matplotlib loads when something is drawn
+
+            self._viewer = Viewer(self.task.causality, self.render_mode == "human")
+        return self._viewer
+
+
+def _scales(causality: str, rated_torque: float) -> Observation:
+    scales = OBSERVATION_SCALES._replace(
+        last_torque_1=rated_torque, last_torque_2=rated_torque, last_torque_3=rated_torque, last_torque_4=rated_torque
+    )
+    if causality == "admittance":
+        return scales._replace(reference=scales.pinion_angle, reference_rate=scales.pinion_rate)
+    return scales
+
