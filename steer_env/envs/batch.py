@@ -21,11 +21,17 @@ _episode = PARAMETERS.loader("episode")
 
 def new_rows(n: int) -> tuple[Array, Array, Array]:
     """Empty parameter rows [n, p], state rows [n, s] and delay lines [n, 4, 16]."""
-    return np.zeros((n, PARAMETERS.size)), np.zeros((n, STATE.size)), np.zeros((n, len(LINES), LINE_LENGTH))
+    return (
+        np.zeros((n, PARAMETERS.size)),
+        np.zeros((n, STATE.size)),
+        np.zeros((n, len(LINES), LINE_LENGTH)),
+    )
 
 
 @compiled
-def start_batch(parameters: Array, states: Array, lines: Array, table: Array, car_table: Array) -> None:
+def start_batch(
+    parameters: Array, states: Array, lines: Array, table: Array, car_table: Array
+) -> None:
     """Bring rows to rest at the start of their episodes."""
     for i in range(parameters.shape[0]):
         states[i, :] = 0.0
@@ -51,11 +57,19 @@ def step_batch(
 ) -> None:
     """One period of n environments: commands [n] in N m, noise [n, 2].
 
-    Fills observations [n, o] in SI, the same divided by ``scales`` [n, o] and clipped, and truths [n, t].
+    Fills observations [n, o] in SI, the same divided by ``scales`` [n, o] and clipped, and truths
+    [n, t].
     """
     for i in range(commands.shape[0]):
         observation, truth = control_period(
-            commands[i], noise[i, 0], noise[i, 1], parameters[i], states[i], lines[i], table, car_table
+            commands[i],
+            noise[i, 0],
+            noise[i, 1],
+            parameters[i],
+            states[i],
+            lines[i],
+            table,
+            car_table,
         )
         for j in range(len(observation)):
             observations[i, j] = observation[j]
@@ -68,9 +82,10 @@ def step_batch(
 def make_rollout(law: Callable[[Observation, Any, Any], Any]) -> Callable[..., int]:
     """A compiled closed-loop episode around a pure control law (observation, state, parameters) -> (torque, state).
 
-    The result runs ``truths.shape[0]`` periods of one environment from its present rows: call it with (law state, law
-    parameters, first observation, noise [T, 2], parameter row, state row, lines, table, car table, truths [T, t]); it
-    returns how many periods ran before the episode ended or turned unstable.
+    The result runs ``truths.shape[0]`` periods of one environment from its present rows: call it
+    with (law state, law parameters, first observation, noise [T, 2], parameter row, state row,
+    lines, table, car table, truths [T, t]); it returns how many periods ran before the episode
+    ended or turned unstable.
     """
 
     @compiled

@@ -27,9 +27,13 @@ class Episode(NamedTuple):
     kind: Annotated[float, Quantity("-", "number of the manoeuvre", 0, 1000, "MANOEUVRES")] = 0.0
     speed: Annotated[float, Quantity("m/s", "speed at the start", 0.5, 120.0, "-")] = 75.0 / 3.6
     speed_rate: Annotated[float, Quantity("m/s2", "change of speed", -10.0, 10.0, "-")] = 0.0
-    speed_end: Annotated[float, Quantity("m/s", "speed at which the change stops", 0.5, 120.0, "-")] = 75.0 / 3.6
+    speed_end: Annotated[
+        float, Quantity("m/s", "speed at which the change stops", 0.5, 120.0, "-")
+    ] = 75.0 / 3.6
     admittance: Annotated[float, Quantity("-", "1 admittance, 0 impedance", 0, 1, "-")] = 0.0
-    rack_share: Annotated[float, Quantity("-", "share of the rack torque felt by the lower body", 0, 1, "-")] = 1.0
+    rack_share: Annotated[
+        float, Quantity("-", "share of the rack torque felt by the lower body", 0, 1, "-")
+    ] = 1.0
 
 
 class CarSpread(NamedTuple):
@@ -43,10 +47,18 @@ class CarSpread(NamedTuple):
 class Reward(NamedTuple):
     """Scales and weights of the reward's parts; see ``period.py``."""
 
-    torque_scale: Annotated[float, Quantity("N m", "torque error that costs 1", 1e-3, 100.0, "assumption")] = 0.5
-    angle_scale: Annotated[float, Quantity("rad", "angle error that costs 1", 1e-5, 10.0, "assumption: 1 deg")] = 0.01745
-    smoothness: Annotated[float, Quantity("-", "weight of the squared command change", 0.0, 1e6, "assumption")] = 10.0
-    effort: Annotated[float, Quantity("-", "weight of the squared command", 0.0, 1e3, "assumption")] = 0.01
+    torque_scale: Annotated[
+        float, Quantity("N m", "torque error that costs 1", 1e-3, 100.0, "assumption")
+    ] = 0.5
+    angle_scale: Annotated[
+        float, Quantity("rad", "angle error that costs 1", 1e-5, 10.0, "assumption: 1 deg")
+    ] = 0.01745
+    smoothness: Annotated[
+        float, Quantity("-", "weight of the squared command change", 0.0, 1e6, "assumption")
+    ] = 10.0
+    effort: Annotated[
+        float, Quantity("-", "weight of the squared command", 0.0, 1e3, "assumption")
+    ] = 0.01
 
 
 class Clock(NamedTuple):
@@ -60,8 +72,9 @@ class Clock(NamedTuple):
 class Truth(NamedTuple):
     """What really happened in a period (SI): goes to ``info``, never into an observation.
 
-    ``reference`` is the ideal one (N m or rad), from true signals without sensors or observer; ``error`` is the true
-    torsion-bar torque or pinion angle minus it. ``unstable`` is 1 where a limit of a sane steering system was left.
+    ``reference`` is the ideal one (N m or rad), from true signals without sensors or observer;
+    ``error`` is the true torsion-bar torque or pinion angle minus it. ``unstable`` is 1 where a
+    limit of a sane steering system was left.
     """
 
     time: float
@@ -85,7 +98,8 @@ class Truth(NamedTuple):
     unstable: float
 
 
-# What one unit of a scaled observation is, field by field; scaled values end at +-OBSERVATION_LIMIT.
+# What one unit of a scaled observation is, field by field; scaled values end at
+# +-OBSERVATION_LIMIT.
 OBSERVATION_SCALES = Observation(
     pinion_angle=1.0,
     pinion_rate=10.0,

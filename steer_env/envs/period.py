@@ -5,21 +5,37 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from steer_env.envs.layout import PARAMETERS, PERIOD, STATE, SUBSTEPS, CarSpread, Clock, Episode, Truth
+from steer_env.envs.layout import (
+    PARAMETERS,
+    PERIOD,
+    STATE,
+    SUBSTEPS,
+    CarSpread,
+    Clock,
+    Episode,
+    Truth,
+)
 from steer_env.manoeuvres import hand_at
 from steer_env.physics import plant
 from steer_env.physics._jit import scalar
 from steer_env.physics.control_unit import Commands, Observation, control_unit_step
 from steer_env.physics.driver import driver_torque
 from steer_env.physics.motor import lag_decay, limited_command
-from steer_env.physics.reference import ReferenceParameters, admittance_step, impedance_step, reference_load
+from steer_env.physics.reference import (
+    ReferenceParameters,
+    admittance_step,
+    impedance_step,
+    reference_load,
+)
 from steer_env.physics.rows import fixed_tuple
 from steer_env.physics.sensors import measured
 from steer_env.physics.steering import torsion_bar_torque
 from steer_env.physics.vehicle import lateral_acceleration
 
-RATE_LIMIT = 80.0  # rad/s, a wheel faster than this has been thrown: no driver, robot or motor of ours goes there
-TORQUE_LIMIT = 150.0  # N m through the elastic element, likewise
+RATE_LIMIT = 40.0  # rad/s: twice what a steering robot does, so the wheel has been thrown
+TORQUE_LIMIT = (
+    60.0  # N m through the elastic element: four times a strong driver, the most a robot gives
+)
 PART_LIMIT = 10.0  # no part of the reward costs more than this in one period
 N_REFERENCE = len(ReferenceParameters._fields)
 
@@ -139,10 +155,15 @@ def control_period(
 ) -> tuple[Observation, Truth]:
     """Run one period with a motor command in N m; rows are updated in place, (observation, truth) is returned.
 
-    ``lines`` [4, 16] are the delay lines of LINES; ``table`` and ``car_table`` are references over speed. The two
-    noises are standard normal draws handed in.
+    ``lines`` [4, 16] are the delay lines of LINES; ``table`` and ``car_table`` are references over
+    speed. The two noises are standard normal draws handed in.
     """
-    motor, steering, sensors, driver = _motor(p_row), _steering(p_row), _sensors(p_row), _driver(p_row)
+    motor, steering, sensors, driver = (
+        _motor(p_row),
+        _steering(p_row),
+        _sensors(p_row),
+        _driver(p_row),
+    )
     episode, clock, commands = _episode(p_row), _load_clock(s_row), _load_commands(s_row)
     k = int(clock.period)
     speed = _next_speed(clock.speed, episode)
@@ -158,14 +179,18 @@ def control_period(
     decay = lag_decay(motor.bandwidth_Hz, 0.5 * h)
     x = _load_plant(s_row)
     for _ in range(SUBSTEPS):
-        x = plant.plant_step(x, target, decay, hand, speed, episode.rack_share, steering, driver, car, h)
+        x = plant.plant_step(
+            x, target, decay, hand, speed, episode.rack_share, steering, driver, car, h
+        )
     _store_plant(s_row, x)
 
     q = plant.motion_of(x)
     M_tb = torsion_bar_torque(q, steering)
     ideal, error, cost = _judge(x, q, M_tb, hand, speed, p_row, s_row, reference, car)
 
-    lines[1, k & 15] = measured(x.pinion_angle, sensors.angle_step, sensors.angle_noise, noise_angle)
+    lines[1, k & 15] = measured(
+        x.pinion_angle, sensors.angle_step, sensors.angle_noise, noise_angle
+    )
     lines[2, k & 15] = measured(M_tb, sensors.torque_step, sensors.torque_noise, noise_torque)
     lines[3, k & 15] = x.motor_torque
     sensed_at = (k - int(sensors.angle_delay)) & 15
@@ -194,14 +219,18 @@ def control_period(
     share = limited / motor.rated_torque
     track = plant.track_of(x)
     unstable = (
-        abs(x.steering_rate) > RATE_LIMIT or abs(x.pinion_rate) > RATE_LIMIT or abs(M_tb) > TORQUE_LIMIT
+        abs(x.steering_rate) > RATE_LIMIT
+        or abs(x.pinion_rate) > RATE_LIMIT
+        or abs(M_tb) > TORQUE_LIMIT
     )
     truth = Truth(
         (k + 1) * PERIOD,
         speed,
         x.steering_angle,
         x.steering_rate,
-        driver_torque(x.steering_angle, x.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver),
+        driver_torque(
+            x.steering_angle, x.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver
+        ),
         x.pinion_angle,
         x.pinion_rate,
         M_tb,
@@ -236,7 +265,11 @@ def _judge(
     episode, weights = _episode(p_row), _reward(p_row)
     if episode.admittance > 0.5:
         _, judge = admittance_step(M_tb, _load_judge(s_row), speed, reference, PERIOD)
-        ideal, error, scale = judge.pinion_angle, x.pinion_angle - judge.pinion_angle, weights.angle_scale
+        ideal, error, scale = (
+            judge.pinion_angle,
+            x.pinion_angle - judge.pinion_angle,
+            weights.angle_scale,
+        )
     else:
         rates, _ = plant.plant_rates(
             x,
@@ -251,7 +284,13 @@ def _judge(
             car,
         )
         ideal, _, judge = impedance_step(
-            x.pinion_angle, x.pinion_rate, rates.pinion_rate, _load_judge(s_row), speed, reference, PERIOD
+            x.pinion_angle,
+            x.pinion_rate,
+            rates.pinion_rate,
+            _load_judge(s_row),
+            speed,
+            reference,
+            PERIOD,
         )
         error, scale = M_tb - ideal, weights.torque_scale
     _store_judge(s_row, judge)
