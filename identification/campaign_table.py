@@ -39,6 +39,8 @@ def open_table(path: Path) -> Table:
             f"use one of {checked.listed(_READERS)}",
         )
     try:
+        if path.is_dir():
+            raise InputError(where, "this is a folder", "name the file in it in campaign.toml")
         if not path.is_file():
             raise InputError(where, "this run file does not exist", _neighbour(path))
         size = path.stat().st_size

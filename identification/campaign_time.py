@@ -22,7 +22,7 @@ def check_time(time: FloatArray, row: Callable[[int], str]) -> float:
     """Return the step in s, after refusing time that runs backwards, has gaps or a wrong unit."""
     if len(time) < MIN_SAMPLES:
         raise InputError(
-            row(len(time) - 1),
+            f"{row(len(time) - 1)}: column 'time_s'",
             f"the run has {len(time)} samples",
             f"at least {MIN_SAMPLES} are needed; was the file cut off?",
         )

@@ -79,7 +79,7 @@ def read_declaration(path: str | Path) -> Declaration:
     where = str(path)
     try:
         table = tomllib.loads(checked.read_utf8(path, LIMIT_BYTES))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(where, f"this is not valid TOML ({error})", "correct that line") from error
     tables = ("vehicle", "steering", "rig", "channels")
     checked.check_keys(table, ("schema_version", "name", "kind", "runs"), tables, where)
@@ -139,7 +139,7 @@ def _read_runs(entries: object, kind: str, path: Path) -> list[DeclaredRun]:
     runs: list[DeclaredRun] = []
     for index, entry in enumerate(entries):
         run = _read_run(entry, kind, path, f"{path}: runs[{index}]")
-        if run.path in (other.path for other in runs):
+        if run.path.resolve() in (other.path.resolve() for other in runs):
             raise InputError(
                 f"{run.where}: key 'file'",
                 f"'{run.file}' is listed twice",

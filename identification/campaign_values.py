@@ -65,8 +65,10 @@ def _check_rate(run: Suspect, name: str, angle: FloatArray) -> None:
     span = max(1, round(0.05 / run.dt))
     rate = np.abs(angle[span:] - angle[:-span]) / (span * run.dt)
     if rate.size and np.max(rate) > FASTEST_WHEEL:
+        first = int(np.argmax(rate))
+        jump = first + 1 + int(np.argmax(np.abs(np.diff(angle[first : first + span + 1]))))
         raise InputError(
-            f"{run.row(int(np.argmax(rate)))}: column '{name}'",
+            f"{run.row(jump)}: column '{name}'",
             f"the angle changes by {np.max(rate):.3g} rad/s; no hand or robot is that fast",
             "check the unit (degrees?), and the log for jumps or a wrap at +-pi",
         )

@@ -67,12 +67,11 @@ def text(table: Mapping[str, Any], key: str, where: str, allowed: Collection[str
     """Return ``table[key]`` as a non-empty string, one of ``allowed`` when that is given."""
     value = table[key]
     place = f"{where}: key '{key}'"
-    if not isinstance(value, str) or not value.strip():
-        raise InputError(
-            place,
-            f"a non-empty text is expected, not {_kind_of(value)}",
-            "write it in quotation marks",
-        )
+    if not isinstance(value, str):
+        what = f"a text is expected, not {_kind_of(value)}"
+        raise InputError(place, what, "write it in quotation marks")
+    if not value.strip():
+        raise InputError(place, "the text is empty", "write something that says what it is")
     if allowed and value not in allowed:
         raise InputError(place, f"'{value}' is not one of the choices", suggestion(value, allowed))
     return value
@@ -153,6 +152,8 @@ def read_json(path: Path, limit_bytes: int) -> dict[str, Any]:
         raise InputError(
             where, "the brackets are nested too deeply", "check that this is the right file"
         ) from error
+    except ValueError as error:  # Python refuses whole numbers of more than 4300 digits
+        raise InputError(where, f"a number is too long ({error})", "write it as 1.0e3") from error
     if not isinstance(table, dict):
         raise InputError(where, "a table { ... } is expected", "check that this is the right file")
     return table
@@ -162,7 +163,7 @@ def suggestion(word: str, known: Collection[str]) -> str:
     """Return the mend for an unknown word: the nearest known one, or the list of them."""
     near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     if near:
-        return f"did you mean '{near[0]}'?"
+        return f"write '{near[0]}' if that is meant"
     return f"use one of {listed(known)}" if known else "remove it"
 
 

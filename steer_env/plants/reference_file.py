@@ -173,7 +173,7 @@ def _read_extrapolated(keys: object, where: str) -> tuple[str, ...]:
     if not isinstance(keys, list):
         raise InputError(place, "a list of row keys is expected", "write [] when all was measured")
     for key in keys:
-        if key not in _FIELD_OF:
+        if not isinstance(key, str) or key not in _FIELD_OF:
             raise InputError(
                 place, f"{key!r} is not a row key", checked.suggestion(str(key), _FIELD_OF)
             )

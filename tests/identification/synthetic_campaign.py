@@ -93,3 +93,27 @@ def write_vehicle_campaign(folder: Path) -> Path:
         )
     (folder / "campaign.toml").write_text(VEHICLE_TOML + "".join(entries), encoding="utf-8")
     return folder
+
+
+def write_rig_campaign(folder: Path, change: dict[str, str | None] | None = None) -> Path:
+    """A motor of 0.02 kg m2, 0.05 N m s/rad; ``change``: a channel dropped or held constant."""
+    t = np.arange(0.0, 10.0, 0.002)
+    angle = np.sin(2 * np.pi * (0.5 + 0.1 * t) * t)
+    rate = np.gradient(angle, t)
+    channels = {
+        "time_s": t,
+        "motor_angle_rad": angle,
+        "motor_torque_Nm": 0.02 * np.gradient(rate, t) + 0.05 * rate,
+    }
+    for name, what in (change or {}).items():
+        if what is None:
+            del channels[name]
+        else:
+            channels[name] = np.full_like(t, 0.3)
+    write_csv(folder / "runs/sweep.csv", channels)
+    (folder / "campaign.toml").write_text(
+        'schema_version = 1\nname = "rig"\nkind = "rig"\n\n[rig]\ninertia_kgm2 = 0.02\n\n'
+        '[[runs]]\nfile = "runs/sweep.csv"\nmanoeuvre = "torque_sweep"\n',
+        encoding="utf-8",
+    )
+    return folder
