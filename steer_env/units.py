@@ -1,8 +1,8 @@
 """Units, the sign convention, and what a parameter must say about itself.
 
-Signs follow ISO 8855: x forward, y left, z up; a steering angle, torque or yaw rate to the left is positive.
-Inside the package every number is SI. Other units (km/h, degrees, per cent) exist only at the edges, and then the
-unit stands in the name of the column, key or argument.
+Signs follow ISO 8855: x forward, y left, z up; a steering angle, torque or yaw rate to the left is
+positive. Inside the package every number is SI. Other units (km/h, degrees, per cent) exist only at
+the edges, and then the unit stands in the name of the column, key or argument.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ GRAVITY = 9.80665  # m/s2, standard gravity (ISO 80000-3)
 
 @dataclass(frozen=True)
 class Quantity:
-    """What one parameter means: unit, meaning, valid range (inclusive) and where its default comes from.
+    """What one parameter means: unit, meaning, valid range (inclusive), source of its default.
 
     ``source`` begins with "assumption" where the default is ours and not a published number.
     """
@@ -41,11 +41,13 @@ def quantities(parameter_set: type) -> dict[str, Quantity]:
 
 
 def check_ranges(parameters: Any, where: str) -> None:
-    """Raise InputError where a field is not finite or leaves its valid range; ``where`` names the origin."""
+    """Raise InputError where a field is not finite or out of range; ``where`` names the origin."""
     for name, quantity in quantities(type(parameters)).items():
         value = float(getattr(parameters, name))
         if not math.isfinite(value):
-            raise InputError(where, f"{name} is {value}", f"give a finite number in {quantity.unit}")
+            raise InputError(
+                where, f"{name} is {value}", f"give a finite number in {quantity.unit}"
+            )
         if not quantity.low <= value <= quantity.high:
             raise InputError(
                 where,

@@ -1,4 +1,4 @@
-"""Compiled entry points over rows: one period of many environments, their start, and a whole closed-loop episode."""
+"""Compiled entry points over rows: start and one period of many environments, a whole episode."""
 
 from __future__ import annotations
 
@@ -80,7 +80,9 @@ def step_batch(
 
 
 def make_rollout(law: Callable[[Observation, Any, Any], Any]) -> Callable[..., int]:
-    """A compiled closed-loop episode around a pure control law (observation, state, parameters) -> (torque, state).
+    """A compiled closed-loop episode around a pure control law.
+
+    The law is (observation, state, parameters) -> (torque, new state).
 
     The result runs ``truths.shape[0]`` periods of one environment from its present rows: call it
     with (law state, law parameters, first observation, noise [T, 2], parameter row, state row,

@@ -1,4 +1,4 @@
-"""What one environment keeps between periods: which records lie where in its parameter row and its state row."""
+"""What one environment keeps between periods: which records lie where in its two rows."""
 
 from __future__ import annotations
 

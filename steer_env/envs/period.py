@@ -1,4 +1,4 @@
-"""One control period of one environment: limits, motor, plant, sensors, control unit, ideal reference, reward."""
+"""One control period of one environment: motor, plant, sensors, control unit, ideal, reward."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from steer_env.physics.reference import (
     admittance_step,
     impedance_step,
     reference_load,
+    single_track_of,
 )
 from steer_env.physics.rows import fixed_tuple
 from steer_env.physics.sensors import measured
@@ -33,9 +34,8 @@ from steer_env.physics.steering import torsion_bar_torque
 from steer_env.physics.vehicle import lateral_acceleration
 
 RATE_LIMIT = 40.0  # rad/s: twice what a steering robot does, so the wheel has been thrown
-TORQUE_LIMIT = (
-    60.0  # N m through the elastic element: four times a strong driver, the most a robot gives
-)
+# N m through the elastic element: four times a strong driver, the most a robot gives
+TORQUE_LIMIT = 60.0
 PART_LIMIT = 10.0  # no part of the reward costs more than this in one period
 N_REFERENCE = len(ReferenceParameters._fields)
 
@@ -60,7 +60,7 @@ _load_car, _store_car = STATE.loader("car"), STATE.storer("car")
 
 @scalar
 def row_at(speed: float, table: Any) -> ReferenceParameters:
-    """Reference parameters at a speed in m/s from a table [n, 1 + n_fields]; held beyond its ends."""
+    """Reference at a speed in m/s from a table [n, 1 + n_fields]; held beyond its ends."""
     last = table.shape[0] - 1
     low = 0
     while low < last - 1 and table[low + 1, 0] <= speed:
@@ -101,7 +101,7 @@ def _blend(a: ReferenceParameters, b: ReferenceParameters, share: float) -> Refe
 
 @scalar
 def car_behind(row: ReferenceParameters, spread: CarSpread) -> ReferenceParameters:
-    """The car that loads the rack: the identified one with its spread; only its vehicle fields are used."""
+    """The car that loads the rack: the identified one with its spread, in its vehicle fields."""
     return ReferenceParameters(
         row.J_ref,
         row.b_ref,
@@ -153,7 +153,7 @@ def control_period(
     table: Any,
     car_table: Any,
 ) -> tuple[Observation, Truth]:
-    """Run one period with a motor command in N m; rows are updated in place, (observation, truth) is returned.
+    """Run one period with a motor command in N m; rows change in place; (observation, truth).
 
     ``lines`` [4, 16] are the delay lines of LINES; ``table`` and ``car_table`` are references over
     speed. The two noises are standard normal draws handed in.
@@ -238,7 +238,7 @@ def control_period(
         limited,
         episode.rack_share * reference_load(x.pinion_angle, track, speed, car),
         x.yaw_rate,
-        lateral_acceleration(track, plant.single_track_of(car)),
+        lateral_acceleration(track, single_track_of(car)),
         ideal,
         error,
         -min(cost, PART_LIMIT),
@@ -261,7 +261,7 @@ def _judge(
     reference: ReferenceParameters,
     car: ReferenceParameters,
 ) -> tuple[float, float, float]:
-    """(ideal reference, true value minus it, cost): the generator fed with true signals, without sensors or delay."""
+    """(ideal, true value minus it, cost): the generator fed with true signals, without delay."""
     episode, weights = _episode(p_row), _reward(p_row)
     if episode.admittance > 0.5:
         _, judge = admittance_step(M_tb, _load_judge(s_row), speed, reference, PERIOD)

@@ -1,7 +1,8 @@
-"""What the driver tries to do: one closed-form function of time per file, and the table that names them.
+"""What the driver tries to do: one closed-form function of time per file, and their table.
 
-To add a manoeuvre: write ``my_test.py`` with ``signal(t, p) -> Hand`` (scalar, compiled when called so), and add a row
-to MANOEUVRES. Tests run over the table: finite, bounded, at rest at the start, the same for the same parameters.
+To add a manoeuvre: write ``my_test.py`` with ``signal(t, p) -> Hand`` (scalar, compiled when called
+so), and add a row to MANOEUVRES. Tests run over the table: finite, bounded, at rest at the start,
+the same for the same parameters.
 """
 
 from __future__ import annotations
@@ -27,9 +28,10 @@ __all__ = ["MANOEUVRES", "Manoeuvre", "ManoeuvreParameters", "hand_at", "kind_of
 
 
 class Manoeuvre(NamedTuple):
-    """A row of the table: the signal, its parameters, and the lateral acceleration in m/s2 that sets its amplitude.
+    """A row: signal, parameters, and the lateral acceleration in m/s2 that sets its amplitude.
 
-    ``lateral_acceleration`` None takes the paper's amplitude for the speed; 0 keeps the amplitude of ``parameters``.
+    ``lateral_acceleration`` None takes the paper's amplitude for the speed; 0 keeps the amplitude
+    of ``parameters``.
     """
 
     signal: Callable[[float, Any], Hand]
@@ -44,7 +46,9 @@ MANOEUVRES: dict[str, Manoeuvre] = {
     "step_steer": Manoeuvre(step_steer.signal, step_steer.DEFAULT, 2.0),
     "release": Manoeuvre(release.signal, release.DEFAULT, 1.0),
     "random_torque": Manoeuvre(random_torque.signal, random_torque.DEFAULT, 0.0),
-    "constant_speed_cornering": Manoeuvre(constant_speed_cornering.signal, constant_speed_cornering.DEFAULT, None),
+    "constant_speed_cornering": Manoeuvre(
+        constant_speed_cornering.signal, constant_speed_cornering.DEFAULT, None
+    ),
     "standstill": Manoeuvre(standstill.signal, standstill.DEFAULT, 0.0),
 }
 
@@ -54,7 +58,9 @@ def kind_of(name: str) -> int:
     return list(MANOEUVRES).index(name)
 
 
-def _dispatch(rows: list[tuple[int, Callable[[float, Any], Hand]]]) -> Callable[[float, float, Any], Hand]:
+def _dispatch(
+    rows: list[tuple[int, Callable[[float, Any], Hand]]],
+) -> Callable[[float, float, Any], Hand]:
     """Fold the table into nested ifs, which is what compiled code can call."""
     number, signal = rows[0]
     if len(rows) == 1:

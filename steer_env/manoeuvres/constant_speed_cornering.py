@@ -1,4 +1,4 @@
-"""Slow cornering at constant speed (paper, section 3.4.2): the hand ramps slowly to the amplitude and holds it."""
+"""Slow cornering at constant speed (paper, section 3.4.2): ramp to the amplitude, then hold."""
 
 from __future__ import annotations
 

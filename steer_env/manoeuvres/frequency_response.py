@@ -13,7 +13,7 @@ DEFAULT = ManoeuvreParameters()
 
 @scalar
 def signal(t: float, p: ManoeuvreParameters) -> Hand:
-    """Hand at t seconds: amplitude x sin(2 pi (f0 s + (f1 - f0) s^2 / 2T)) with s the time since the lead-in."""
+    """Hand at t seconds: amplitude x sin(2 pi (f0 s + (f1 - f0) s^2 / 2T)), s from the lead-in."""
     s = t - p.lead_in
     if s <= 0.0 or s >= p.duration:
         return Hand(0.0, 0.0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Random human torque: twelve tones between the two frequencies with scattered phases, a closed form of time."""
+"""Random human torque: twelve tones with scattered phases, a closed form of time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DEFAULT = ManoeuvreParameters(amplitude=2.5, frequency=0.15, frequency_end=4.0, 
 
 @scalar
 def signal(t: float, p: ManoeuvreParameters) -> Hand:
-    """Driver torque at t seconds in N m, rms about amplitude / 2; tones log-spaced, torque falling as 1/sqrt(f)."""
+    """Driver torque at t seconds in N m, rms amplitude / 2; log-spaced, falling as 1/sqrt(f)."""
     s = t - p.lead_in
     if s <= 0.0 or s >= p.duration:
         return Hand(0.0, 0.0, 0.0, 1.0)
@@ -25,7 +25,9 @@ def signal(t: float, p: ManoeuvreParameters) -> Hand:
     weight = 0.0
     for k in range(TONES):
         share = math.sqrt(p.frequency / f)
-        torque += share * math.sin(2.0 * math.pi * f * s + p.phase * (k + 1.0) + GOLDEN_ANGLE * k * k)
+        torque += share * math.sin(
+            2.0 * math.pi * f * s + p.phase * (k + 1.0) + GOLDEN_ANGLE * k * k
+        )
         weight += share * share
         f *= ratio
     ease = min(s / 0.5, 1.0)

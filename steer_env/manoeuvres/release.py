@@ -18,4 +18,9 @@ def signal(t: float, p: ManoeuvreParameters) -> Hand:
     if s >= HOLD_TIME:
         return Hand(0.0, 0.0, 0.0, 0.0)
     u = min(max(s / RISE_TIME, 0.0), 1.0)
-    return Hand(p.amplitude * u * u * (3.0 - 2.0 * u), p.amplitude * 6.0 * u * (1.0 - u) / RISE_TIME, 0.0, 1.0)
+    return Hand(
+        p.amplitude * u * u * (3.0 - 2.0 * u),
+        p.amplitude * 6.0 * u * (1.0 - u) / RISE_TIME,
+        0.0,
+        1.0,
+    )

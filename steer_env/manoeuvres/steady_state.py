@@ -1,4 +1,4 @@
-"""Sine of the hand's angle at 0.2 Hz (paper, section 2): four periods, of which the first settles."""
+"""Sine of the hand's angle at 0.2 Hz (paper, section 2): four periods; the first settles."""
 
 from __future__ import annotations
 
@@ -18,4 +18,6 @@ def signal(t: float, p: ManoeuvreParameters) -> Hand:
     if s <= 0.0 or s >= p.duration:
         return Hand(0.0, 0.0, 0.0, 1.0)
     omega = 2.0 * math.pi * p.frequency
-    return Hand(p.amplitude * math.sin(omega * s), p.amplitude * omega * math.cos(omega * s), 0.0, 1.0)
+    return Hand(
+        p.amplitude * math.sin(omega * s), p.amplitude * omega * math.cos(omega * s), 0.0, 1.0
+    )

@@ -1,4 +1,4 @@
-"""Step of the hand's angle with a finite rise (ISO 7401 asks for 200 to 500 deg/s; here a 0.15 s smooth ramp)."""
+"""Step of the hand's angle with a smooth 0.15 s rise (ISO 7401 asks for 200 to 500 deg/s)."""
 
 from __future__ import annotations
 
@@ -14,4 +14,9 @@ DEFAULT = ManoeuvreParameters(duration=5.0)
 def signal(t: float, p: ManoeuvreParameters) -> Hand:
     """Hand at t seconds: amplitude x (3 u^2 - 2 u^3), u the share of the rise that has passed."""
     u = min(max((t - p.lead_in) / RISE_TIME, 0.0), 1.0)
-    return Hand(p.amplitude * u * u * (3.0 - 2.0 * u), p.amplitude * 6.0 * u * (1.0 - u) / RISE_TIME, 0.0, 1.0)
+    return Hand(
+        p.amplitude * u * u * (3.0 - 2.0 * u),
+        p.amplitude * 6.0 * u * (1.0 - u) / RISE_TIME,
+        0.0,
+        1.0,
+    )

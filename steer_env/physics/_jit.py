@@ -1,12 +1,13 @@
 """How physics becomes machine code, in one place.
 
-``@scalar`` marks an equation: called from Python it is the plain function one reads, called from compiled code it is
-inlined. ``@compiled`` marks one of the few entry points. No fast-math anywhere and products instead of powers, so that
-Python and machine code give the same bits.
+``@scalar`` marks an equation: called from Python it is the plain function one reads, called from
+compiled code it is inlined. ``@compiled`` marks one of the few entry points. No fast-math anywhere
+and products instead of powers, so that Python and machine code give the same bits.
 
-Numba's own disk cache does not notice that an equation in another file changed. Ours cannot go stale: entry points are
-stored in a folder named by a hash of every source file of the four packages, of numba's version and of the interpreter.
-Set STEER_ENV_CACHE=0 to compile anew in every process, or NUMBA_DISABLE_JIT=1 to run everything as plain Python.
+Numba's own disk cache does not notice that an equation in another file changed. Ours cannot go
+stale: entry points are stored in a folder named by a hash of every source file of the four
+packages, of numba's version and of the interpreter. Set STEER_ENV_CACHE=0 to compile anew in every
+process, or NUMBA_DISABLE_JIT=1 to run everything as plain Python.
 """
 
 from __future__ import annotations
@@ -25,26 +26,28 @@ from platformdirs import user_cache_dir
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_OPTIONS = {"error_model": "numpy", "fastmath": False, "nogil": True}
+_CONFIG: Any = numba.config
 
 
 def scalar(function: F) -> F:
     """A scalar equation: plain Python from Python, inlined in compiled callers."""
-    return register_jitable(error_model="numpy", forceinline=True)(function)  # type: ignore[no-any-return]
+    return register_jitable(error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)(
+        function
+    )
 
 
 def compiled(function: F) -> F:
     """A compiled entry point, cached on disk under a key that follows every source file."""
-    dispatcher = numba.njit(**_OPTIONS)(function)
-    if numba.config.DISABLE_JIT or os.environ.get("STEER_ENV_CACHE") == "0":
-        return dispatcher  # type: ignore[no-any-return]
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_cache_folder())
+    dispatcher: Any = numba.njit(error_model="numpy", fastmath=False, nogil=True)(function)
+    if _CONFIG.DISABLE_JIT or os.environ.get("STEER_ENV_CACHE") == "0":
+        return dispatcher
+    before = _CONFIG.CACHE_DIR
+    _CONFIG.CACHE_DIR = str(_cache_folder())
     try:
         dispatcher.enable_caching()
     finally:
-        numba.config.CACHE_DIR = before
-    return dispatcher  # type: ignore[no-any-return]
+        _CONFIG.CACHE_DIR = before
+    return dispatcher
 
 
 @cache

@@ -6,8 +6,9 @@ import math
 
 from steer_env.physics._jit import scalar
 
-# Eq. 14 grows without bound where the identified off-centre stiffness is zero (15 km/h): no data stand behind a gain
-# above about 21 (Table 3, 30 km/h), so the gain stops at twice that. Our assumption, see theory.md section 5.
+# Eq. 14 grows without bound where the identified off-centre stiffness is zero (15 km/h): no data
+# stand behind a gain above about 21 (Table 3, 30 km/h), so the gain stops at twice that. Our
+# assumption, see theory.md section 5.
 K_ASSIST_MAX = 40.0
 
 
@@ -23,13 +24,13 @@ def softening(M_tb: float, r: float, sigma: float) -> float:
 
 @scalar
 def assist(M_tb: float, r: float, sigma: float) -> float:
-    """Effective torque at the pinion M_eff = K_assist M_tb in N m, with K_assist = 1 / h (Eq. 14)."""
+    """Effective torque M_eff = K_assist M_tb at the pinion in N m, K_assist = 1 / h (Eq. 14)."""
     return M_tb / softening(M_tb, r, sigma)
 
 
 @scalar
 def incremental_assist(M_tb: float, r: float, sigma: float) -> float:
-    """dM_eff / dM_tb: the gain that a loop around the assist sees (peaks at 1.5 to 2.3 times c_on / c_off)."""
+    """dM_eff / dM_tb: the gain that a loop sees (peaks at 1.5 to 2.3 times c_on / c_off)."""
     gauss = (1.0 - r) * math.exp(-0.5 * (M_tb / sigma) * (M_tb / sigma))
     h = gauss + r
     if h <= 1.0 / K_ASSIST_MAX:
@@ -41,8 +42,9 @@ def incremental_assist(M_tb: float, r: float, sigma: float) -> float:
 def inverse_assist(M_eff: float, r: float, sigma: float) -> float:
     """The torsion-bar torque in N m whose assist is ``M_eff``: the root of M = M_eff h(M).
 
-    assist() is odd and strictly increasing, so the root is unique and lies between |M_eff| / K_ASSIST_MAX (or r) and
-    |M_eff|. Newton's step, with bisection wherever it leaves the bracket; ends at machine precision or 60 steps.
+    assist() is odd and strictly increasing, so the root is unique and lies between |M_eff| /
+    K_ASSIST_MAX (or r) and |M_eff|. Newton's step, with bisection wherever it leaves the bracket;
+    ends at machine precision or 60 steps.
     """
     target = abs(M_eff)
     low = target * max(r, 1.0 / K_ASSIST_MAX)

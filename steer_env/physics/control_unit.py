@@ -1,4 +1,4 @@
-"""The electronic control unit: from what the sensors report to what a controller sees, once per period."""
+"""The control unit: from what the sensors report to what a controller sees, once per period."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from steer_env.physics.sensors import Observer, ObserverState, observer_step
 class Observation(NamedTuple):
     """What a controller sees, SI. Everything comes from measurements; nothing hidden is in it.
 
-    ``reference`` is a torsion-bar torque in N m (impedance) or a pinion angle in rad (admittance); ``reference_rate``
-    is its derivative; ``reference_acceleration`` in rad/s2 is the admittance generator's (0 in impedance);
-    ``effective_torque`` in N m is M_eff of Fig. 2. ``last_torque_1`` is the newest of the last commands in N m.
+    ``reference`` is a torsion-bar torque in N m (impedance) or a pinion angle in rad (admittance);
+    ``reference_rate`` is its derivative; ``reference_acceleration`` in rad/s2 is the admittance
+    generator's (0 in impedance); ``effective_torque`` in N m is M_eff of Fig. 2. ``last_torque_1``
+    is the newest of the last commands in N m.
     """
 
     pinion_angle: float
@@ -61,17 +62,20 @@ def control_unit_step(
     reference: ReferenceParameters,
     dt: float,
 ) -> tuple[Observation, ObserverState, ReferenceState]:
-    """One period: measured angle (rad) and torsion-bar torque (N m) in; observation and new states out.
+    """One period: measured angle (rad) and torque (N m) in; observation and new states out.
 
-    ``motor_estimate`` is the unit's own model of its motor's torque in N m; ``admittance`` is 1 for the admittance
-    generator and 0 for the impedance generator; ``last_reference`` is the reference of the period before.
+    ``motor_estimate`` is the unit's own model of its motor's torque in N m; ``admittance`` is 1 for
+    the admittance generator and 0 for the impedance generator; ``last_reference`` is the reference
+    of the period before.
     """
     acceleration, seen = observer_step(observer_state, angle, M_tb, motor_estimate, observer, dt)
     if admittance > 0.5:
         reference_acceleration, new = admittance_step(M_tb, generator, speed, reference, dt)
         target, rate, M_eff = new.pinion_angle, new.pinion_rate, new.effective_torque
     else:
-        target, M_eff, new = impedance_step(seen.angle, seen.rate, acceleration, generator, speed, reference, dt)
+        target, M_eff, new = impedance_step(
+            seen.angle, seen.rate, acceleration, generator, speed, reference, dt
+        )
         rate = (target - last_reference) / dt
         reference_acceleration = 0.0
     observation = Observation(

@@ -1,4 +1,4 @@
-"""Drivers: an arm or a robot as inertia, damper and spring to a hand that moves, plus a torque of its own."""
+"""Drivers: an arm or robot as inertia, damper and spring to a moving hand, plus a torque."""
 
 from __future__ import annotations
 
@@ -13,19 +13,31 @@ _ARM = "assumption: order of magnitude after Pick and Cole, field report 1.5"
 class Driver(NamedTuple):
     """Grip on the wheel; defaults are two relaxed hands."""
 
-    J: Annotated[float, Quantity("kg m2", "inertia that moves with the wheel", 0.0, 1.0, _ARM)] = 0.1
+    J: Annotated[float, Quantity("kg m2", "inertia that moves with the wheel", 0.0, 1.0, _ARM)] = (
+        0.1
+    )
     b: Annotated[float, Quantity("N m s/rad", "damping to the hand target", 0.0, 100.0, _ARM)] = 0.6
-    k: Annotated[float, Quantity("N m/rad", "stiffness to the hand target", 0.0, 5000.0, _ARM)] = 7.0
-    torque_limit: Annotated[float, Quantity("N m", "largest torque", 0.0, 100.0, "assumption")] = 30.0
+    k: Annotated[float, Quantity("N m/rad", "stiffness to the hand target", 0.0, 5000.0, _ARM)] = (
+        7.0
+    )
+    torque_limit: Annotated[float, Quantity("N m", "largest torque", 0.0, 100.0, "assumption")] = (
+        30.0
+    )
 
 
 @scalar
 def driver_torque(
-    angle: float, rate: float, target_angle: float, target_rate: float, torque: float, grip: float, p: Driver
+    angle: float,
+    rate: float,
+    target_angle: float,
+    target_rate: float,
+    torque: float,
+    grip: float,
+    p: Driver,
 ) -> float:
-    """Torque in N m on the wheel besides the driver's own inertia: spring and damper to the target, plus ``torque``.
+    """Torque in N m on the wheel: spring and damper to the target, plus ``torque``.
 
-    ``grip`` from 0 (let go) to 1 scales spring and damper.
+    The driver's own inertia is not in it. ``grip`` from 0 (let go) to 1 scales spring and damper.
     """
     wanted = grip * (p.k * (target_angle - angle) + p.b * (target_rate - rate)) + torque
     return min(max(wanted, -p.torque_limit), p.torque_limit)

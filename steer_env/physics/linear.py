@@ -1,7 +1,8 @@
-"""State-space views of the equations, derived from the scalar functions by differentiation, never retyped.
+"""State-space views of the equations: the scalar functions differentiated, never retyped.
 
-The functions are linear (or linearised about rest), so a unit step in one variable is its column of the matrix, exact
-to rounding. Matrices come as numpy arrays (A [n, n], B [n, n_u], C [n_y, n], D [n_y, n_u]); ``to_statespace`` names them.
+The functions are linear (or linearised about rest), so a unit step in one variable is its column of
+the matrix, exact to rounding. Matrices come as numpy arrays (A [n, n], B [n, n_u], C [n_y, n], D
+[n_y, n_u]); ``to_statespace`` names them.
 """
 
 from __future__ import annotations
@@ -12,17 +13,31 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.physics import vehicle
-from steer_env.physics.reference import ReferenceParameters, reference_load, reference_rates, single_track_of
+from steer_env.physics.reference import (
+    ReferenceParameters,
+    reference_load,
+    reference_rates,
+    single_track_of,
+)
 from steer_env.physics.vehicle import SingleTrack, SingleTrackState
 
 Matrix = NDArray[np.float64]
 Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
 
 VEHICLE_OUTPUTS = ("yaw_rate", "lateral_acceleration", "sideslip_angle", "slip_front")
-REFERENCE_STATES = ("pinion_angle", "pinion_rate", "lateral_speed", "yaw_rate", "slip_front", "slip_rear")
+REFERENCE_STATES = (
+    "pinion_angle",
+    "pinion_rate",
+    "lateral_speed",
+    "yaw_rate",
+    "slip_front",
+    "slip_rear",
+)
 
 
-def jacobian(function: Callable[[NDArray[np.float64]], Sequence[float]], n: int, step: float = 1.0) -> Matrix:
+def jacobian(
+    function: Callable[[NDArray[np.float64]], Sequence[float]], n: int, step: float = 1.0
+) -> Matrix:
     """Matrix of a linear map of n variables: central differences about zero with the given step."""
     columns = []
     for k in range(n):
@@ -33,23 +48,30 @@ def jacobian(function: Callable[[NDArray[np.float64]], Sequence[float]], n: int,
 
 
 def single_track_matrices(speed: float, p: SingleTrack) -> Matrices:
-    """Eq. 6 from road-wheel angle in rad to VEHICLE_OUTPUTS at a speed > 0 in m/s; states as SingleTrackState."""
+    """Eq. 6 from road-wheel angle in rad to VEHICLE_OUTPUTS at a speed > 0 in m/s."""
 
     def rates(z: NDArray[np.float64]) -> Sequence[float]:
         return vehicle.single_track_rates(SingleTrackState(*z[:4]), z[4], speed, p)
 
     def outputs(z: NDArray[np.float64]) -> Sequence[float]:
         x = SingleTrackState(*z[:4])
-        return (x.yaw_rate, vehicle.lateral_acceleration(x, p), x.lateral_speed / speed, x.slip_front)
+        return (
+            x.yaw_rate,
+            vehicle.lateral_acceleration(x, p),
+            x.lateral_speed / speed,
+            x.slip_front,
+        )
 
     return _split(jacobian(rates, 5), jacobian(outputs, 5), 4)
 
 
 def load_matrices(speed: float, p: ReferenceParameters) -> Matrices:
-    """Eqs. 6 and 9 from pinion angle in rad to the load torque at the pinion in N m (M_rack + c_extra d)."""
+    """Eqs. 6 and 9: pinion angle in rad to load at the pinion, M_rack + c_extra d, in N m."""
 
     def rates(z: NDArray[np.float64]) -> Sequence[float]:
-        return vehicle.single_track_rates(SingleTrackState(*z[:4]), z[4] / p.i_s, speed, single_track_of(p))
+        return vehicle.single_track_rates(
+            SingleTrackState(*z[:4]), z[4] / p.i_s, speed, single_track_of(p)
+        )
 
     def outputs(z: NDArray[np.float64]) -> Sequence[float]:
         return (reference_load(z[4], SingleTrackState(*z[:4]), speed, p),)
@@ -58,7 +80,7 @@ def load_matrices(speed: float, p: ReferenceParameters) -> Matrices:
 
 
 def reference_matrices(speed: float, p: ReferenceParameters, K: float) -> Matrices:
-    """Eq. 10 from torsion-bar torque in N m to pinion angle and rate, friction left out; K = 1 + k_gain."""
+    """Eq. 10: torsion-bar torque in N m to pinion angle and rate, no friction; K = 1 + k_gain."""
 
     def rates(z: NDArray[np.float64]) -> Sequence[float]:
         x = SingleTrackState(*z[2:6])
@@ -75,7 +97,8 @@ def frequency_response(matrices: Matrices, frequency_Hz: ArrayLike) -> NDArray[n
     """C (jw - A)^-1 B + D at frequencies [n_f] in Hz, as [n_f, n_y, n_u]."""
     A, B, C, D = matrices
     s = 2j * np.pi * np.atleast_1d(np.asarray(frequency_Hz, dtype=float))[:, None, None]
-    return C @ np.linalg.solve(s * np.eye(len(A)) - A, np.broadcast_to(B, (s.shape[0], *B.shape))) + D
+    inputs = np.broadcast_to(B, (s.shape[0], *B.shape))
+    return np.asarray(C @ np.linalg.solve(s * np.eye(len(A)) - A, inputs) + D, dtype=complex)
 
 
 def _split(rates: Matrix, outputs: Matrix, n: int) -> Matrices:

@@ -1,8 +1,9 @@
-"""The plant of every environment: steering, motor, both frictions and the car behind the rack, one substep at a time.
+"""The plant of every environment: steering, motor, frictions and the car behind the rack.
 
-Classical Runge-Kutta for the smooth part. Dahl friction depends on displacement alone, so each stage takes its exact
-value at the stage's own displacement; the motor's lag takes its exact value at the start, middle and end. What the
-step size costs is measured by ``experiments/integrator_study``.
+Classical Runge-Kutta for the smooth part. Dahl friction depends on displacement alone, so each
+stage takes its exact value at the stage's own displacement; the motor's lag takes its exact value
+at the start, middle and end. What the step size costs is measured by
+``experiments/integrator_study``.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class PlantState(NamedTuple):
 
 
 class Hand(NamedTuple):
-    """What the driver wants now: hand angle in rad and rate in rad/s, own torque in N m, grip 0 to 1."""
+    """What the driver wants: hand angle in rad, rate in rad/s, own torque in N m, grip 0 to 1."""
 
     angle: float
     rate: float
@@ -69,23 +70,39 @@ def plant_rates(
     driver: Driver,
     car: ReferenceParameters,
 ) -> tuple[SteeringMotion, SingleTrackState]:
-    """Derivatives at motion ``q`` and car ``v`` reached one way from ``start``; ``rack_share`` is 0 for steer-by-wire."""
+    """Derivatives at ``q``, ``v`` reached one way from ``start``; ``rack_share`` 0: no rack."""
     wheel_friction = dahl_step(
-        start.wheel_friction, q.steering_angle - start.steering_angle, steering.M_s_fric, steering.c_s_fric
+        start.wheel_friction,
+        q.steering_angle - start.steering_angle,
+        steering.M_s_fric,
+        steering.c_s_fric,
     )
     pinion_friction = dahl_step(
         start.pinion_friction, q.pinion_angle - start.pinion_angle, steering.M_fric, steering.c_fric
     )
-    M_s = driver_torque(q.steering_angle, q.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver)
+    M_s = driver_torque(
+        q.steering_angle, q.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver
+    )
     M_rack = rack_share * reference_load(q.pinion_angle, v, speed, car)
-    motion = steering_rates(q, M_s, wheel_friction, pinion_friction, M_rack, motor_torque, driver.J * hand.grip, steering)
-    track = vehicle.single_track_rates(v, q.pinion_angle * (1.0 / car.i_s), speed, single_track_of(car))
+    motion = steering_rates(
+        q,
+        M_s,
+        wheel_friction,
+        pinion_friction,
+        M_rack,
+        motor_torque,
+        driver.J * hand.grip,
+        steering,
+    )
+    track = vehicle.single_track_rates(
+        v, q.pinion_angle * (1.0 / car.i_s), speed, single_track_of(car)
+    )
     return motion, track
 
 
 @scalar
 def moved(q: SteeringMotion, h: float, k: SteeringMotion) -> SteeringMotion:
-    """q + h k."""
+    """Q + h k."""
     return SteeringMotion(
         q.steering_angle + h * k.steering_angle,
         q.steering_rate + h * k.steering_rate,
@@ -107,36 +124,76 @@ def plant_step(
     car: ReferenceParameters,
     h: float,
 ) -> PlantState:
-    """State after h seconds with constant motor target (N m), hand and speed; ``decay_half`` is the lag's over h/2."""
+    """State after h seconds with constant motor target (N m), hand and speed.
+
+    ``decay_half`` is what the motor's lag keeps over h/2 seconds.
+    """
     M0 = x.motor_torque
     M1 = lag_step(M0, motor_target, decay_half)
     M2 = lag_step(M1, motor_target, decay_half)
     q, v = motion_of(x), track_of(x)
     k0, t0 = plant_rates(x, q, v, M0, hand, speed, rack_share, steering, driver, car)
     k1, t1 = plant_rates(
-        x, moved(q, 0.5 * h, k0), vehicle.moved(v, 0.5 * h, t0), M1, hand, speed, rack_share, steering, driver, car
+        x,
+        moved(q, 0.5 * h, k0),
+        vehicle.moved(v, 0.5 * h, t0),
+        M1,
+        hand,
+        speed,
+        rack_share,
+        steering,
+        driver,
+        car,
     )
     k2, t2 = plant_rates(
-        x, moved(q, 0.5 * h, k1), vehicle.moved(v, 0.5 * h, t1), M1, hand, speed, rack_share, steering, driver, car
+        x,
+        moved(q, 0.5 * h, k1),
+        vehicle.moved(v, 0.5 * h, t1),
+        M1,
+        hand,
+        speed,
+        rack_share,
+        steering,
+        driver,
+        car,
     )
     k3, t3 = plant_rates(
-        x, moved(q, h, k2), vehicle.moved(v, h, t2), M2, hand, speed, rack_share, steering, driver, car
+        x,
+        moved(q, h, k2),
+        vehicle.moved(v, h, t2),
+        M2,
+        hand,
+        speed,
+        rack_share,
+        steering,
+        driver,
+        car,
     )
     steering_angle = q.steering_angle + rk4_mean(
         k0.steering_angle, k1.steering_angle, k2.steering_angle, k3.steering_angle, h
     )
-    pinion_angle = q.pinion_angle + rk4_mean(k0.pinion_angle, k1.pinion_angle, k2.pinion_angle, k3.pinion_angle, h)
+    pinion_angle = q.pinion_angle + rk4_mean(
+        k0.pinion_angle, k1.pinion_angle, k2.pinion_angle, k3.pinion_angle, h
+    )
     track = vehicle.moved_rk4(v, t0, t1, t2, t3, h)
     return PlantState(
         steering_angle,
-        q.steering_rate + rk4_mean(k0.steering_rate, k1.steering_rate, k2.steering_rate, k3.steering_rate, h),
+        q.steering_rate
+        + rk4_mean(k0.steering_rate, k1.steering_rate, k2.steering_rate, k3.steering_rate, h),
         pinion_angle,
         q.pinion_rate + rk4_mean(k0.pinion_rate, k1.pinion_rate, k2.pinion_rate, k3.pinion_rate, h),
         track.lateral_speed,
         track.yaw_rate,
         track.slip_front,
         track.slip_rear,
-        dahl_step(x.wheel_friction, steering_angle - x.steering_angle, steering.M_s_fric, steering.c_s_fric),
-        dahl_step(x.pinion_friction, pinion_angle - x.pinion_angle, steering.M_fric, steering.c_fric),
+        dahl_step(
+            x.wheel_friction,
+            steering_angle - x.steering_angle,
+            steering.M_s_fric,
+            steering.c_s_fric,
+        ),
+        dahl_step(
+            x.pinion_friction, pinion_angle - x.pinion_angle, steering.M_fric, steering.c_fric
+        ),
         M2,
     )

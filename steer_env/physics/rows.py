@@ -1,7 +1,8 @@
-"""NamedTuples of floats in rows of a float array: how states and parameters live between compiled calls.
+"""NamedTuples in rows of a float array: how states and parameters live between compiled calls.
 
-A row of a batch array holds several NamedTuples one after the other. ``loader(T, start)`` and ``storer(T, start)`` make
-the two functions that read and write one of them; both are plain Python from Python and inlined in compiled code.
+A row of a batch array holds several NamedTuples one after the other. ``loader(T, start)`` and
+``storer(T, start)`` make the two functions that read and write one of them; both are plain Python
+from Python and inlined in compiled code.
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ def fixed_tuple(row: Row, n: int) -> tuple[float, ...]:
     return tuple(row.tolist())
 
 
-@overload(fixed_tuple, strict=False, prefer_literal=True)  # numba compares argument names, not annotations
+# numba compares argument names, not annotations
+@overload(fixed_tuple, strict=False, prefer_literal=True)
 def _fixed_tuple_compiled(row, n):  # type: ignore[no-untyped-def]
-    return lambda row, n: to_fixed_tuple(row, n)
+    return lambda row, n: to_fixed_tuple(row, n)  # type: ignore[call-arg]
 
 
 def loader(record: Any, start: int) -> Callable[[Row], Any]:
@@ -54,7 +56,7 @@ def storer(record: Any, start: int) -> Callable[[Row, Any], None]:
 
 
 class Layout:
-    """Which NamedTuple lies where in a row: ``layout["name"]`` is its slice, ``layout.size`` the row's length."""
+    """Which NamedTuple lies where in a row: ``layout["name"]`` is a slice, ``size`` the length."""
 
     def __init__(self, **records: Any) -> None:
         self.records = records

@@ -1,4 +1,4 @@
-"""Sensors: noise, resolution, and the observer that makes rate and acceleration from a stepped angle."""
+"""Sensors: noise, resolution, and the observer that finds rate and acceleration."""
 
 from __future__ import annotations
 
@@ -10,23 +10,41 @@ from steer_env.units import Quantity
 
 
 class Sensors(NamedTuple):
-    """What the control unit measures with; delays count control periods. Defaults are the paper's feedback rig."""
+    """What the control unit measures with; delays count periods. Defaults: the paper's rig."""
 
-    angle_step: Annotated[float, Quantity("rad", "angle resolution", 0.0, 0.1, "paper, section 2: 0.009 deg")] = 1.5708e-4
+    angle_step: Annotated[
+        float, Quantity("rad", "angle resolution", 0.0, 0.1, "paper, section 2: 0.009 deg")
+    ] = 1.5708e-4
     angle_noise: Annotated[float, Quantity("rad", "angle noise, rms", 0.0, 0.1, "assumption")] = 0.0
-    angle_delay: Annotated[float, Quantity("periods", "angle latency", 0, 15, "assumption: one CAN cycle")] = 1.0
-    torque_step: Annotated[float, Quantity("N m", "torque resolution", 0.0, 1.0, "paper, section 2: 0.03 N m")] = 0.03
-    torque_noise: Annotated[float, Quantity("N m", "torque noise, rms", 0.0, 1.0, "assumption")] = 0.01
-    torque_delay: Annotated[float, Quantity("periods", "torque latency", 0, 15, "assumption: one CAN cycle")] = 1.0
+    angle_delay: Annotated[
+        float, Quantity("periods", "angle latency", 0, 15, "assumption: one CAN cycle")
+    ] = 1.0
+    torque_step: Annotated[
+        float, Quantity("N m", "torque resolution", 0.0, 1.0, "paper, section 2: 0.03 N m")
+    ] = 0.03
+    torque_noise: Annotated[float, Quantity("N m", "torque noise, rms", 0.0, 1.0, "assumption")] = (
+        0.01
+    )
+    torque_delay: Annotated[
+        float, Quantity("periods", "torque latency", 0, 15, "assumption: one CAN cycle")
+    ] = 1.0
 
 
 class Observer(NamedTuple):
     """What the control unit believes of its own hardware, and how fast its observer is."""
 
-    J: Annotated[float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, "the plant's nominal value")] = 0.065
-    b: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, "the plant's nominal value")] = 0.4
-    motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, "the plant's nominal value")] = 21.0
-    bandwidth_Hz: Annotated[float, Quantity("Hz", "observer bandwidth", 1.0, 300.0, "assumption")] = 40.0
+    J: Annotated[
+        float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, "the plant's nominal value")
+    ] = 0.065
+    b: Annotated[
+        float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, "the plant's nominal value")
+    ] = 0.4
+    motor_ratio: Annotated[
+        float, Quantity("-", "motor ratio", 0.1, 100.0, "the plant's nominal value")
+    ] = 21.0
+    bandwidth_Hz: Annotated[
+        float, Quantity("Hz", "observer bandwidth", 1.0, 300.0, "assumption")
+    ] = 40.0
 
 
 class ObserverState(NamedTuple):
@@ -39,7 +57,7 @@ class ObserverState(NamedTuple):
 
 @scalar
 def measured(value: float, step: float, noise_rms: float, noise: float) -> float:
-    """A value as a sensor reports it: noise (a standard normal draw handed in), then rounding to the resolution."""
+    """A value as a sensor reports it: noise (a standard normal draw), then the resolution."""
     noisy = value + noise_rms * noise
     if step <= 0.0:
         return noisy
@@ -52,9 +70,9 @@ def observer_step(
 ) -> tuple[float, ObserverState]:
     """(acceleration in rad/s2, new state) of the lower body after dt seconds.
 
-    Measured torsion-bar torque and the known motor torque drive a model of the body, so that the acceleration needs no
-    differentiation; the angle only corrects it and finds the unknown load. Gains of the critically damped third-order
-    tracking filter (triple pole z = exp(-2 pi f dt)).
+    Measured torsion-bar torque and the known motor torque drive a model of the body, so that the
+    acceleration needs no differentiation; the angle only corrects it and finds the unknown load.
+    Gains of the critically damped third-order tracking filter (triple pole z = exp(-2 pi f dt)).
     """
     z = math.exp(-2.0 * math.pi * p.bandwidth_Hz * dt)
     known = M_tb + p.motor_ratio * motor_torque

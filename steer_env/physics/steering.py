@@ -1,8 +1,8 @@
-"""Two-mass steering: one set of equations for the EPAS column and for the steer-by-wire feedback wheel.
+"""Two-mass steering: the same equations for the EPAS column and the steer-by-wire wheel.
 
-EPAS (Eq. 2): the upper body is the steering wheel, the elastic element the torsion bar, the lower body pinion, rack
-and reflected motor, loaded by the rack. Steer-by-wire: the same with the torque sensor as the elastic element, the
-motor's rotor as the lower body, motor_ratio 1 and no rack.
+EPAS (Eq. 2): the upper body is the steering wheel, the elastic element the torsion bar, the lower
+body pinion, rack and reflected motor, loaded by the rack. Steer-by-wire: the same with the torque
+sensor as the elastic element, the motor's rotor as the lower body, motor_ratio 1 and no rack.
 """
 
 from __future__ import annotations
@@ -16,24 +16,52 @@ from steer_env.units import Quantity
 class Steering(NamedTuple):
     """Mechanical parameters; defaults are an EPAS of a passenger car."""
 
-    J_s: Annotated[float, Quantity("kg m2", "steering-wheel inertia", 0.01, 0.3, "median of public EPS models")] = 0.04
-    b_s: Annotated[float, Quantity("N m s/rad", "wheel-side damping", 0.0, 3.0, "median of public EPS models")] = 0.1
-    M_s_fric: Annotated[float, Quantity("N m", "wheel-side Coulomb friction", 0.0, 3.0, "assumption")] = 0.15
-    c_s_fric: Annotated[float, Quantity("N m/rad", "wheel-side Dahl stiffness", 0.1, 1e4, "assumption")] = 30.0
-    c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, "systune EPS example")] = 143.24
-    b_tb: Annotated[float, Quantity("N m s/rad", "torsion-bar damping", 0.0, 20.0, "bldc-foc-sim EPS model")] = 0.1
-    J_pin: Annotated[float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, "rotor 1.5e-4 kg m2 x 21^2")] = 0.065
-    b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, "assumption")] = 0.4
-    M_fric: Annotated[float, Quantity("N m", "lower-body Coulomb friction", 0.0, 20.0, "assumption")] = 2.0
-    c_fric: Annotated[float, Quantity("N m/rad", "lower-body Dahl stiffness", 0.1, 1e5, "assumption")] = 200.0
-    motor_ratio: Annotated[float, Quantity("-", "motor angle / lower-body angle", 0.1, 100.0, "assumption")] = 21.0
-    angle_limit: Annotated[float, Quantity("rad", "end stop of the lower body", 0.1, 30.0, "assumption")] = 9.0
-    c_stop: Annotated[float, Quantity("N m/rad", "end-stop stiffness", 0.0, 1e4, "assumption")] = 400.0
-    b_stop: Annotated[float, Quantity("N m s/rad", "end-stop damping", 0.0, 100.0, "assumption")] = 4.0
+    J_s: Annotated[
+        float, Quantity("kg m2", "steering-wheel inertia", 0.01, 0.3, "median of public EPS models")
+    ] = 0.04
+    b_s: Annotated[
+        float, Quantity("N m s/rad", "wheel-side damping", 0.0, 3.0, "median of public EPS models")
+    ] = 0.1
+    M_s_fric: Annotated[
+        float, Quantity("N m", "wheel-side Coulomb friction", 0.0, 3.0, "assumption")
+    ] = 0.15
+    c_s_fric: Annotated[
+        float, Quantity("N m/rad", "wheel-side Dahl stiffness", 0.1, 1e4, "assumption")
+    ] = 30.0
+    c_tb: Annotated[
+        float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, "systune EPS example")
+    ] = 143.24
+    b_tb: Annotated[
+        float, Quantity("N m s/rad", "torsion-bar damping", 0.0, 20.0, "bldc-foc-sim EPS model")
+    ] = 0.1
+    J_pin: Annotated[
+        float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, "rotor 1.5e-4 kg m2 x 21^2")
+    ] = 0.065
+    b_pin: Annotated[
+        float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, "assumption")
+    ] = 0.4
+    M_fric: Annotated[
+        float, Quantity("N m", "lower-body Coulomb friction", 0.0, 20.0, "assumption")
+    ] = 2.0
+    c_fric: Annotated[
+        float, Quantity("N m/rad", "lower-body Dahl stiffness", 0.1, 1e5, "assumption")
+    ] = 200.0
+    motor_ratio: Annotated[
+        float, Quantity("-", "motor angle / lower-body angle", 0.1, 100.0, "assumption")
+    ] = 21.0
+    angle_limit: Annotated[
+        float, Quantity("rad", "end stop of the lower body", 0.1, 30.0, "assumption")
+    ] = 9.0
+    c_stop: Annotated[float, Quantity("N m/rad", "end-stop stiffness", 0.0, 1e4, "assumption")] = (
+        400.0
+    )
+    b_stop: Annotated[
+        float, Quantity("N m s/rad", "end-stop damping", 0.0, 100.0, "assumption")
+    ] = 4.0
 
 
 class SteeringMotion(NamedTuple):
-    """Angles in rad and rates in rad/s of the steering wheel and of the lower body (pinion or rotor)."""
+    """Angles (rad) and rates (rad/s) of the steering wheel and the lower body (pinion or rotor)."""
 
     steering_angle: float
     steering_rate: float
@@ -49,7 +77,7 @@ def torsion_bar_torque(x: SteeringMotion, p: Steering) -> float:
 
 @scalar
 def end_stop_torque(angle: float, rate: float, p: Steering) -> float:
-    """Torque in N m that the end stop puts against the lower body; zero inside the limit, never pulling."""
+    """End-stop torque in N m against the lower body; zero inside the limit, never pulling."""
     beyond_left = max(angle - p.angle_limit, 0.0)
     beyond_right = max(-angle - p.angle_limit, 0.0)
     left = max(p.c_stop * beyond_left + p.b_stop * rate, 0.0) if beyond_left > 0.0 else 0.0
@@ -70,8 +98,9 @@ def steering_rates(
 ) -> SteeringMotion:
     """Time derivatives of the motion (Eq. 2).
 
-    ``M_s`` is what the driver applies besides his own inertia ``J_driver``; ``M_s_fric`` and ``M_fric`` are the two
-    friction torques (they resist positive motion when positive); ``motor_torque`` is at the motor's shaft. All in N m.
+    ``M_s`` is what the driver applies besides his own inertia ``J_driver``; ``M_s_fric`` and
+    ``M_fric`` are the two friction torques (they resist positive motion when positive);
+    ``motor_torque`` is at the motor's shaft. All in N m.
     """
     M_tb = torsion_bar_torque(x, p)
     M_stop = end_stop_torque(x.pinion_angle, x.pinion_rate, p)

@@ -1,4 +1,4 @@
-"""Who holds the wheel: the arm grid of field.md 1.5, hands off, a torque source and the steering robot."""
+"""Who holds the wheel: a grid of arms, hands off, a torque source and the steering robot."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ DRIVERS: dict[str, Driver] = {
     "one_hand_light": Driver(J=0.05, b=0.3, k=3.0),
     "relaxed": Driver(J=0.1, b=0.6, k=7.0),
     "tense": Driver(J=0.135, b=2.0, k=47.0),
-    # A hand that gives torque and no impedance of its own: the cleanest excitation for a frequency response.
+    # A hand that gives torque and no impedance of its own: the cleanest excitation for a frequency
+    # response.
     "torque_source": Driver(J=0.0, b=0.0, k=0.0),
-    # Position servo of about 12 Hz with rate feed-forward on wheel and robot inertia together (0.07 kg m2).
+    # Position servo of about 12 Hz with rate feed-forward on wheel and robot inertia together (0.07
+    # kg m2).
     "robot": Driver(J=0.03, b=8.0, k=400.0, torque_limit=60.0),
 }

@@ -1,4 +1,4 @@
-"""Electric power steering of a passenger car; numbers and spreads after field.md 1.4 (see each field's source)."""
+"""Electric power steering of a passenger car; each field of Steering names its source."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ EPAS = Plant(
     name="EPAS",
     steering=Steering(),
     motor=Motor(),
-    # The motor's resolver sits behind a ratio of 21, so the pinion angle is fine; the torque sensor is the rig's.
+    # The motor's resolver sits behind a ratio of 21, so the pinion angle is fine; the torque sensor
+    # is the rig's.
     sensors=Sensors(angle_step=1.0e-4, angle_noise=5.0e-5),
     rack_share=1.0,
     observer_bandwidth_Hz=40.0,

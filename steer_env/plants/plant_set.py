@@ -1,4 +1,4 @@
-"""What makes up a plant: its parts' parameters and the spread of each number that randomisation may draw from."""
+"""What makes up a plant: its parts' parameters, and the spread that randomisation draws from."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from steer_env.physics.steering import Steering
 
 @dataclass(frozen=True)
 class Plant:
-    """One steering system. ``rack_share`` is 1 where the car's rack loads the lower body, 0 for steer-by-wire.
+    """One steering system; ``rack_share`` is 1 where the rack loads the lower body, else 0.
 
-    ``spread`` maps "part.field" to the (low, high) factors on the nominal value that randomisation draws uniformly.
+    ``spread`` maps "part.field" to the (low, high) factors on the nominal value that randomisation
+    draws uniformly.
     """
 
     name: str

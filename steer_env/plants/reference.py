@@ -1,4 +1,4 @@
-"""The haptic reference over speed: published or identified rows, made ready for generators and for design."""
+"""The haptic reference over speed: published or identified rows, for generators and design."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ STEADY_FREQUENCY_Hz = 0.2  # the paper's steady state
 class Reference:
     """A reference file with two choices: linear (Eq. 10, Fig. 9) or complete (Eqs. 13-15, Fig. 10).
 
-    ``match_stiffness`` adds to each row the pinion stiffness c_extra that its single track lacks against its own
-    measured c_pin_on at 0.2 Hz: about 1.6 N m/rad at 45 km/h and below in the published rows and nothing above. What
-    that stiffness is, the tables do not tell.
+    ``match_stiffness`` adds to each row the pinion stiffness c_extra that its single track lacks
+    against its own measured c_pin_on at 0.2 Hz: about 1.6 N m/rad at 45 km/h and below in the
+    published rows and nothing above. What that stiffness is, the tables do not tell.
     """
 
     file: ReferenceFile = field(default_factory=published)
@@ -38,9 +38,13 @@ class Reference:
 
     @classmethod
     def load(cls, source: str | Path | Reference, linear: bool | None = None) -> Reference:
-        """From "published", a path to a reference.json, or a Reference; ``linear`` None keeps the source's choice."""
+        """From "published", a path or a Reference; ``linear`` None keeps the source's choice."""
         if isinstance(source, Reference):
-            return source if linear is None else cls(source.file, linear, source.match_stiffness, source.source)
+            return (
+                source
+                if linear is None
+                else cls(source.file, linear, source.match_stiffness, source.source)
+            )
         file = published() if str(source) == "published" else read_reference(source)
         return cls(file, bool(linear), source=str(source))
 
@@ -55,12 +59,14 @@ class Reference:
         return np.array(rows, dtype=float)
 
     def at(self, speed: float) -> ReferenceParameters:
-        """Parameters at a speed in m/s: straight between rows, held beyond the first and the last."""
+        """Parameters at a speed in m/s: straight between rows, held beyond the ends."""
         table = self.table
-        return ReferenceParameters(*(float(np.interp(speed, table[:, 0], column)) for column in table[:, 1:].T))
+        return ReferenceParameters(
+            *(float(np.interp(speed, table[:, 0], column)) for column in table[:, 1:].T)
+        )
 
     def to_statespace(self, speed: float) -> control.StateSpace:
-        """Eq. 10 at a speed in m/s, from torsion_bar_torque to pinion_angle and pinion_rate, with named states."""
+        """Eq. 10 at a speed in m/s: torsion_bar_torque to pinion_angle and pinion_rate, named."""
         import control
 
         p = self.at(speed)
@@ -107,11 +113,15 @@ class Reference:
 
 def steady_stiffness(speed: float, p: ReferenceParameters) -> float:
     """|load torque / pinion angle| at 0.2 Hz in N m/rad: c_pin_on of the parameters themselves."""
-    return float(abs(linear.frequency_response(linear.load_matrices(speed, p), STEADY_FREQUENCY_Hz)[0, 0, 0]))
+    return float(
+        abs(linear.frequency_response(linear.load_matrices(speed, p), STEADY_FREQUENCY_Hz)[0, 0, 0])
+    )
 
 
 def missing_stiffness(speed: float, p: ReferenceParameters, c_pin_on: float) -> float:
-    """Real stiffness in N m/rad that brings |load torque / pinion angle| at 0.2 Hz to ``c_pin_on``."""
-    response = linear.frequency_response(linear.load_matrices(speed, p), STEADY_FREQUENCY_Hz)[0, 0, 0]
+    """Real stiffness in N m/rad that brings |load / pinion angle| at 0.2 Hz to ``c_pin_on``."""
+    response = linear.frequency_response(linear.load_matrices(speed, p), STEADY_FREQUENCY_Hz)[
+        0, 0, 0
+    ]
     in_phase = max(c_pin_on * c_pin_on - response.imag * response.imag, 0.0) ** 0.5
     return float(in_phase - response.real)

@@ -1,4 +1,4 @@
-"""Steer-by-wire feedback wheel: the paper's rig (section 2) where it gives numbers, assumptions elsewhere."""
+"""Steer-by-wire feedback wheel: the paper's rig (section 2); assumptions where it is silent."""
 
 from __future__ import annotations
 
