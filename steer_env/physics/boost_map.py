@@ -30,7 +30,7 @@ class Calibration(NamedTuple):
     """
 
     speed_kmh: Knots = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 105.0, 130.0)
-    off_centre_ratio: Knots = (0.08, 0.08, 0.10, 0.13, 0.165, 0.2, 0.24, 0.29, 0.35)
+    off_centre_ratio: Knots = (0.14, 0.14, 0.13, 0.135, 0.16, 0.19, 0.22, 0.26, 0.30)
     active_damping: Knots = (0.0, 0.0, 0.1, 0.25, 0.4, 0.55, 0.65, 0.75, 0.85)
     friction_compensation: Knots = (0.7, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
     on_centre_width: Annotated[float, Quantity("N m", "w of the boost law", 0.5, 5.0, "field value 1.8")] = 1.8

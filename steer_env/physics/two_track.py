@@ -1,8 +1,9 @@
 """Two-track vehicle with roll: side slip, yaw, roll, four relaxed tyres, load transfer, compliance and roll steer.
 
-The road is flat and the speed is held by an ideal drive. The roll axis lies in the body at the height where the lateral
-speed is taken; load is transferred through the roll springs and dampers only (roll centres on the ground), which puts
-all of it behind the roll motion. Signs follow ISO 8855: positive roll leans the body to the right, as in a left turn.
+The road is flat and the speed is held by an ideal drive. Lateral speed is taken on the roll axis below the mass centre,
+lateral acceleration at the mass centre itself (as an IMU unit refers them). Load is transferred through the roll
+springs and dampers only (roll centres on the ground), which puts all of it behind the roll motion. Signs follow ISO
+8855: positive roll leans the body to the right, as in a left turn.
 """
 
 from __future__ import annotations
@@ -154,8 +155,11 @@ def slip_rate(slip: float, steer: float, across: float, along: float, relaxation
 
 
 @scalar
-def body_rates(x: TwoTrackState, c: Contact, speed: float, disturbance: float, p: TwoTrack) -> tuple[float, float, float]:
-    """(lateral acceleration in m/s2, yaw and roll acceleration in rad/s2); ``disturbance``: side wind in N at the centre."""
+def body_rates(x: TwoTrackState, c: Contact, disturbance: float, p: TwoTrack) -> tuple[float, float, float, float]:
+    """Lateral acceleration in m/s2 of the roll axis and of the mass centre, yaw and roll acceleration in rad/s2.
+
+    ``disturbance``: side wind in N at the mass centre.
+    """
     lateral_fl = c.force_fl * math.cos(c.steer_fl)
     lateral_fr = c.force_fr * math.cos(c.steer_fr)
     lateral_r = (c.force_rl + c.force_rr) * math.cos(c.steer_r)
@@ -169,23 +173,23 @@ def body_rates(x: TwoTrackState, c: Contact, speed: float, disturbance: float, p
     inertia = p.J_x + coupling * p.roll_arm
     spring = (coupling * GRAVITY - p.c_roll_f - p.c_roll_r) * x.roll - (p.b_roll_f + p.b_roll_r) * x.roll_rate
     inverse = 1.0 / (p.m * inertia - coupling * coupling)
-    a_y = (inertia * force + coupling * spring) * inverse
-    return a_y, moment / p.J_z, (p.m * spring + coupling * force) * inverse
+    axis = (inertia * force + coupling * spring) * inverse
+    return axis, force / p.m, moment / p.J_z, (p.m * spring + coupling * force) * inverse
 
 
 @scalar
 def two_track_rates(
     x: TwoTrackState, tyre_angle: float, speed: float, disturbance: float, p: TwoTrack
 ) -> tuple[TwoTrackState, float, float]:
-    """(time derivatives, lateral acceleration in m/s2 at the roll axis, M_rack in N m) at a held speed in m/s."""
+    """(time derivatives, lateral acceleration in m/s2 of the mass centre, M_rack in N m) at a held speed in m/s."""
     c = contact(x, tyre_angle, p)
-    a_y, yaw_acceleration, roll_acceleration = body_rates(x, c, speed, disturbance, p)
+    axis, a_y, yaw_acceleration, roll_acceleration = body_rates(x, c, disturbance, p)
     across_f = x.lateral_speed + p.l_f * x.yaw_rate
     across_r = x.lateral_speed - p.l_r * x.yaw_rate
     swing_f = _HALF * p.track_f * x.yaw_rate
     swing_r = _HALF * p.track_r * x.yaw_rate
     rates = TwoTrackState(
-        a_y - speed * x.yaw_rate,
+        axis - speed * x.yaw_rate,
         yaw_acceleration,
         x.roll_rate,
         roll_acceleration,

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.physics._jit import compiled, scalar
-from steer_env.physics.boost_map import ControlLaw, ControlState, control_step
-from steer_env.physics.motor import Motor, lag_decay, limited_command
+from steer_env.physics.boost_map import ControlLaw, ControlState, control_step, law_at
+from steer_env.physics.motor import Motor, lag_decay, lag_step, limited_command
 from steer_env.physics.sensors import measured
 from steer_env.physics.steering import torsion_bar_torque
 from steer_env.physics.two_track import TwoTrack, TwoTrackState, two_track_rates
 from steer_env.testcar.car import CarState, Load, Mechanics, car_at_rest, car_step, drifted, mean_drift
-from steer_env.testcar.parameters import Robot, UnitSensors
+from steer_env.testcar.parameters import Robot, TestCar, UnitSensors
 
 PERIOD = 1e-3  # s, robot and control unit
 SUBSTEPS = 2
@@ -56,6 +56,12 @@ class Machine(NamedTuple):
     sensors: UnitSensors
 
 
+def machine_at(speed: float, car: TestCar) -> Machine:
+    """What the test car is at a speed in m/s."""
+    mechanics = Mechanics(car.steering, car.vehicle, car.robot.J)
+    return Machine(mechanics, law_at(speed, car.calibration), car.motor, car.robot, car.sensors)
+
+
 @scalar
 def servo_torque(target: float, target_rate: float, angle: float, rate: float, p: Robot) -> float:
     """Torque in N m of the robot's servo: proportional and derivative, with the target's rate fed forward."""
@@ -77,6 +83,25 @@ def record_row(row: Array, x: CarState, robot_torque: float, load: Load, p: Mech
     row[10], row[11], row[12], row[13] = x.track.lateral_speed, x.track.yaw_rate, a_y, x.track.roll
 
 
+@scalar
+def unit_period(
+    k: int, M_tb: float, pinion_angle: float, unit: ControlState, last: float, lines: Array, p: Machine
+) -> tuple[float, float, ControlState, float]:
+    """Period ``k`` of control unit and motor command: (basic assist, compensation) now due, new state, new command.
+
+    Both torques in N m at the pinion and before the motor's lag; ``lines`` [2, LONGEST_DEAD_TIME] is the dead time.
+    """
+    ratio = p.mechanics.steering.motor_ratio
+    torque = measured(M_tb, p.sensors.torque_step, 0.0, 0.0)
+    angle = measured(pinion_angle, p.sensors.angle_step, 0.0, 0.0)
+    basic, compensation, unit = control_step(unit, torque, angle, p.law, PERIOD)
+    last = limited_command((basic + compensation) / ratio, last, p.motor, PERIOD)
+    lines[0, k % LONGEST_DEAD_TIME] = basic
+    lines[1, k % LONGEST_DEAD_TIME] = last * ratio - basic
+    due = (k - int(p.motor.dead_time)) % LONGEST_DEAD_TIME
+    return lines[0, due], lines[1, due], unit, last
+
+
 @compiled
 def rollout(target: Array, target_rate: Array, road_torque: Array, side_force: Array, speed: float, p: Machine) -> Array:
     """Record [n, len(RECORD)] of one run at PERIOD.
@@ -86,28 +111,36 @@ def rollout(target: Array, target_rate: Array, road_torque: Array, side_force: A
     """
     n = target.size
     record = np.zeros((n, len(RECORD)))
-    basic_line, compensation_line = np.zeros(LONGEST_DEAD_TIME), np.zeros(LONGEST_DEAD_TIME)
-    dead_time = int(p.motor.dead_time)
+    lines = np.zeros((2, LONGEST_DEAD_TIME))
     h = PERIOD / SUBSTEPS
     decay_half = lag_decay(p.motor.bandwidth_Hz, 0.5 * h)
-    ratio = p.mechanics.steering.motor_ratio
     x = car_at_rest()
-    unit = ControlState(0.0, 0.0, 0.0, 0.0, 0.0)
-    last = 0.0
+    unit, last = ControlState(0.0, 0.0, 0.0, 0.0, 0.0), 0.0
     for k in range(n):
         q = x.motion
         robot_torque = servo_torque(target[k], target_rate[k], q.steering_angle, q.steering_rate, p.robot)
         load = Load(robot_torque, road_torque[k], side_force[k], speed)
         record_row(record[k], x, robot_torque, load, p.mechanics)
-        M_tb = measured(torsion_bar_torque(q, p.mechanics.steering), p.sensors.torque_step, 0.0, 0.0)
-        angle = measured(q.pinion_angle, p.sensors.angle_step, 0.0, 0.0)
-        basic, compensation, unit = control_step(unit, M_tb, angle, p.law, PERIOD)
-        last = limited_command((basic + compensation) / ratio, last, p.motor, PERIOD)
-        basic_line[k % LONGEST_DEAD_TIME] = basic
-        compensation_line[k % LONGEST_DEAD_TIME] = last * ratio - basic
-        due = (k - dead_time) % LONGEST_DEAD_TIME
+        M_tb = torsion_bar_torque(q, p.mechanics.steering)
+        basic, compensation, unit, last = unit_period(k, M_tb, q.pinion_angle, unit, last, lines, p)
         for _ in range(SUBSTEPS):
-            x = car_step(x, basic_line[due], compensation_line[due], decay_half, load, p.mechanics, h)
+            x = car_step(x, basic, compensation, decay_half, load, p.mechanics, h)
+    return record
+
+
+@compiled
+def unit_rollout(M_tb: Array, pinion_angle: Array, p: Machine) -> Array:
+    """Delivered basic assist and compensation [n, 2] in N m at the pinion for given torque and angle [n] at PERIOD."""
+    n = M_tb.size
+    record = np.zeros((n, 2))
+    lines = np.zeros((2, LONGEST_DEAD_TIME))
+    decay = lag_decay(p.motor.bandwidth_Hz, PERIOD)
+    unit, last, basic_now, compensation_now = ControlState(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+    for k in range(n):
+        record[k, 0], record[k, 1] = basic_now, compensation_now
+        basic, compensation, unit, last = unit_period(k, M_tb[k], pinion_angle[k], unit, last, lines, p)
+        basic_now = lag_step(basic_now, basic, decay)
+        compensation_now = lag_step(compensation_now, compensation, decay)
     return record
 
 

@@ -1,0 +1,167 @@
+"""steer-env simulate: the virtual test vehicle drives the paper's manoeuvres and leaves a measurement campaign.
+
+Writes campaign.toml and runs/*.csv, and truth.json beside them: what an identification of this campaign should find.
+Nothing that identifies reads truth.json.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+
+import steer_env
+from experiments.cli_options import common_options, print_json, print_table, progress
+from steer_env import atomic
+from steer_env.testcar import truth
+from steer_env.testcar.campaign_writer import campaign_toml, run_file, write_run
+from steer_env.testcar.drive import drive, generator_of
+from steer_env.testcar.parameters import TestCar
+from steer_env.testcar.plan import SPEEDS_KMH, PlannedRun, runs_at
+
+LOWEST_KMH, HIGHEST_KMH = 5.0, 180.0
+_SOURCES = ("physics", "manoeuvres", "testcar")
+_SHOWN = (
+    "speed_kmh",
+    "J_ref_kgm2",
+    "b_ref_Nms_per_rad",
+    "k_gain",
+    "n_t_m",
+    "C_f_N_per_rad",
+    "C_r_N_per_rad",
+    "c_pin_on_Nm_per_rad",
+    "c_pin_off_Nm_per_rad",
+    "M_fric_C_Nm",
+)
+
+
+class Order(NamedTuple):
+    """What the user asked for."""
+
+    speeds_kmh: tuple[float, ...]
+    repeats: int
+    seed: int
+    clean: bool
+
+
+def parse_speeds(_context: click.Context, _parameter: click.Parameter, text: str) -> tuple[float, ...]:
+    """Speeds in km/h from a comma-separated list."""
+    try:
+        speeds = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise click.BadParameter(f"'{text}' is not a list of km/h such as 105,75,45") from None
+    for speed in speeds:
+        if not LOWEST_KMH <= speed <= HIGHEST_KMH:
+            raise click.BadParameter(f"{speed:g} km/h is outside {LOWEST_KMH:g} to {HIGHEST_KMH:g} km/h")
+    if len(set(speeds)) != len(speeds):
+        raise click.BadParameter("a speed is given twice")
+    return speeds
+
+
+def recipe(order: Order, car: TestCar) -> str:
+    """Name of everything that the campaign depends on: order, car and the equations themselves."""
+    digest = hashlib.sha256(repr((steer_env.__version__, order, car)).encode())
+    root = Path(inspect.getfile(steer_env)).parent
+    for package in _SOURCES:
+        for path in sorted((root / package).glob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def drive_speed(
+    speed_kmh: float, order: Order, car: TestCar, folder: Path, advance: Callable[..., None]
+) -> tuple[list[PlannedRun], dict[str, Any]]:
+    """Drive and write what is missing of one speed; return its runs and its true row."""
+    runs = runs_at(speed_kmh, order.repeats, car)
+    for run in runs:
+        path = folder / run_file(run)
+        if not path.exists():
+            write_run(path, drive(run, car, None if order.clean else generator_of(run, order.seed)))
+        advance(note=f"{speed_kmh:g} km/h")
+    amplitude = {run.manoeuvre: run.amplitude for run in runs}
+    row = truth.truth_at(speed_kmh, amplitude["steady_state"], amplitude["frequency_response"], car)
+    advance(note=f"{speed_kmh:g} km/h, truth")
+    return runs, row
+
+
+def simulate(order: Order, car: TestCar, folder: Path, jobs: int, advance: Callable[..., None]) -> dict[str, Any]:
+    """Drive all speeds into ``folder``, which may hold runs of an interrupted call; return the content of truth.json."""
+    pool = ThreadPoolExecutor(max_workers=jobs)  # the compiled runs release the interpreter's lock
+    try:
+        waiting = {pool.submit(drive_speed, v, order, car, folder, advance): v for v in order.speeds_kmh}
+        done = {waiting[future]: future.result() for future in as_completed(waiting)}
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+    runs = [run for v in order.speeds_kmh for run in done[v][0]]
+    name = f"virtual test vehicle, seed {order.seed}{', clean' if order.clean else ''}"
+    atomic.write_text(folder / "campaign.toml", campaign_toml(name, car, runs))
+    files = {run_file(run): hashlib.sha256((folder / run_file(run)).read_bytes()).hexdigest() for run in runs}
+    content = {
+        "schema_version": 1,
+        "definitions": inspect.cleandoc(truth.__doc__ or ""),
+        "rows": [done[v][1] for v in sorted(order.speeds_kmh)],
+        "provenance": {"recipe": recipe(order, car), "software": f"steer-env {steer_env.__version__}", "files": files},
+    }
+    atomic.write_text(folder / "truth.json", json.dumps(content, indent=2) + "\n")
+    return content
+
+
+def finished(out: Path, key: str) -> dict[str, Any] | None:
+    """truth.json of a complete campaign of this recipe in ``out``, None where there is none or a file differs."""
+    try:
+        content: dict[str, Any] = json.loads((out / "truth.json").read_text("utf-8"))
+        provenance = content["provenance"]
+        if provenance["recipe"] != key or not (out / "campaign.toml").exists():
+            return None
+        for file, digest in provenance["files"].items():
+            if hashlib.sha256((out / file).read_bytes()).hexdigest() != digest:
+                return None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return content
+
+
+@click.command()
+@click.option(
+    "--speeds",
+    "speeds_kmh",
+    default=",".join(f"{v:g}" for v in SPEEDS_KMH),
+    show_default=True,
+    callback=parse_speeds,
+    metavar="KMH,...",
+    help="Speeds in km/h.",
+)
+@click.option(
+    "--repeats", type=click.IntRange(1, 50), default=3, show_default=True, metavar="N", help="Sweeps per speed."
+)
+@click.option("--clean", is_flag=True, help="No disturbance, noise, latency or rounding in the logs.")
+@common_options
+def command(
+    speeds_kmh: tuple[float, ...],
+    repeats: int,
+    clean: bool,
+    out: Path,
+    seed: int,
+    jobs: int,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Drive the virtual test vehicle through the paper's manoeuvres and write a campaign."""
+    order, car = Order(speeds_kmh, repeats, seed, clean), TestCar()
+    key = recipe(order, car)
+    content = finished(out, key)
+    if content is None:
+        steps = len(speeds_kmh) * (len(runs_at(speeds_kmh[0], repeats, car)) + 1)
+        with progress("simulate", total=steps, quiet=quiet) as advance, atomic.folder(out, key) as folder:
+            content = simulate(order, car, folder, jobs, advance)
+    if as_json:
+        print_json({"campaign": str(out / "campaign.toml"), "rows": content["rows"]})
+        return
+    print_table(_SHOWN, [[row[name] for name in _SHOWN] for row in content["rows"]], title="true parameters")
+    click.echo(f"{out / 'campaign.toml'}")
