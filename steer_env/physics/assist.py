@@ -52,16 +52,16 @@ def inverse_assist(M_eff: float, r: float, sigma: float) -> float:
     M = min(target, max(low, 2.0 * sigma))
     for _ in range(60):
         error = assist(M, r, sigma) - target
+        step = error / incremental_assist(M, r, sigma)
+        # Judged before the bracket: at the root its near end is M itself, and bisection would throw
+        # the answer back towards the far end.
+        if abs(step) <= 1e-15 * target:
+            break
         if error > 0.0:
             high = M
         else:
             low = M
-        step = error / incremental_assist(M, r, sigma)
-        new = M - step
-        if new <= low or new >= high:
-            new = 0.5 * (low + high)
-        if abs(new - M) <= 1e-15 * target:
-            M = new
-            break
-        M = new
+        M -= step
+        if M <= low or M >= high:
+            M = 0.5 * (low + high)
     return math.copysign(M, M_eff)

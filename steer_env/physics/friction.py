@@ -19,6 +19,8 @@ def dahl_step(torque: float, displacement: float, M_C: float, c_fric: float) -> 
     """
     if M_C <= 0.0:
         return 0.0
+    if displacement == 0.0:
+        return torque  # to the last bit, whichever sign the zero has
     limit = math.copysign(M_C, displacement)
     return limit + (torque - limit) * math.exp(-c_fric * abs(displacement) / M_C)
 

@@ -61,7 +61,7 @@ def measured(value: float, step: float, noise_rms: float, noise: float) -> float
     noisy = value + noise_rms * noise
     if step <= 0.0:
         return noisy
-    return step * math.floor(noisy / step + 0.5)
+    return math.copysign(step * math.floor(abs(noisy) / step + 0.5), noisy)
 
 
 @scalar
