@@ -18,7 +18,7 @@ test: lint
 
 lint: $(VENV)/dev.stamp
 	$(PY) -m ruff check .
-	$(PY) -m mypy
+	$(PY) -m mypy $(wildcard steer_env controllers identification experiments)
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
