@@ -1,0 +1,87 @@
+"""Past the paper: one joint time-domain fit of J_ref, b_ref, assist and friction per speed.
+
+Step II reads Coulomb friction as damping (M_C = 2.3 N m turns b_ref = 0.74 into 1.4 at 75 km/h and 2.3 at 105 km/h) and
+the assist curve as inertia and gain. Here Eq. 16 is fitted to sweep and slow sine together, in which rate, acceleration,
+displacement and amplitude vary apart from each other, so each effect is told by its own signature. Steps I to III give
+the start. Standard errors use blocks of one second, within which errors may be coloured as they like.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification import forward
+from identification.campaign import Run
+from identification.forward import ForwardMisfit
+from identification.frf import Floats
+from identification.stages import Chain
+from identification.steady_state import BOUNDS as STEADY_BOUNDS
+from identification.steady_state import assist_parameters
+from identification.torque import TorqueMisfit
+from steer_env.physics._jit import compiled
+from steer_env.physics.assist import assist
+from steer_env.plants.reference_row import KnownVehicle
+
+BOUNDS = {"J_ref": (0.002, 0.6), "b_ref": (-5.0, 10.0), **STEADY_BOUNDS}
+UNKNOWNS = ("J_ref", "b_ref", "r", "sigma_assist", "M_fric_C", "c_fric")
+TERMS = frozenset({"inertia", "damping", "rack", "friction"})
+
+
+@dataclass
+class Refinement:
+    """Joint fit at one speed in m/s. Fitted: ``params_``, ``std_``, ``chain_``, ``misfit_``.
+
+    ``bar`` = (c_tb in N m/rad, b_tb in N m s/rad): the torque is simulated forward from the steering angle
+    (``forward``). Without it, or without a steering angle, Eq. 16 is inverted at the measured pinion angle (``torque``).
+    ``fit_c_fric=False`` keeps the preselected Dahl stiffness.
+    """
+
+    vehicle: KnownVehicle
+    slip: str = "relaxed"
+    bar: tuple[float, float] | None = None
+    fit_c_fric: bool = True
+
+    def fit(self, sweeps: Sequence[Run], sines: Sequence[Run], speed: float, chain: Chain) -> Refinement:
+        """Fit all of UNKNOWNS from the values in ``chain``; returns self."""
+        names = UNKNOWNS if self.fit_c_fric else UNKNOWNS[:-1]
+        runs = [*sweeps, *sines]
+        led = self.bar is not None and all(n in run.channels for run in runs for n in forward.NEEDS)
+        misfit: ForwardMisfit | TorqueMisfit
+        if led and self.bar is not None:
+            misfit = ForwardMisfit(runs, speed, self.vehicle, self.slip, self.bar)
+        else:
+            misfit = TorqueMisfit(runs, speed, self.vehicle, self.slip, TERMS)
+        self.chain_ = chain.copy().fit([misfit], {n: chain.values[n] for n in names}, BOUNDS)
+        self.misfit_ = misfit
+        values = self.chain_.values
+        swept = np.concatenate([run.channels["torsion_bar_torque_Nm"] for run in sweeps])
+        self.params_ = {
+            "J_ref": values["J_ref"],
+            "b_ref": values["b_ref"],
+            "k_gain": equivalent_gain(swept, values["r"], values["sigma_assist"]),
+            **assist_parameters(values),
+        }
+        self.std_ = {n: e for n, e in self.chain_.std_.items() if n in BOUNDS}
+        self.std_["k_gain"] = self.chain_.error_of(lambda v: equivalent_gain(swept, v["r"], v["sigma_assist"]))
+        return self
+
+
+def equivalent_gain(M_tb: Floats, r: float, sigma: float) -> float:
+    """k_gain of the assist curve over the sweep: least-squares gain from M_tb to M_eff - M_tb (dimensionless).
+
+    It is what a linear assist would need to come closest to the curve over the torques of the sweep, so it belongs to
+    the sweep's amplitude, like the value of step II. M_eff = assist(M_tb), Eq. 14.
+    """
+    return float(M_tb @ (assisted(M_tb, r, sigma) - M_tb) / (M_tb @ M_tb))
+
+
+@compiled
+def assisted(M_tb: Floats, r: float, sigma: float) -> Floats:
+    """M_eff [n] in N m (Eq. 14)."""
+    out = np.zeros(M_tb.size)
+    for k in range(M_tb.size):
+        out[k] = assist(M_tb[k], r, sigma)
+    return out
