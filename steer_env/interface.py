@@ -1,9 +1,10 @@
-"""Where the boxes meet: what a controller sees and what it must offer. Simulation, bench and rig all use these.
+"""Where the boxes meet: what a controller sees and what it must offer.
 
-The period of a control loop goes as follows. The environment (or the rig) measures, updates the reference and hands an
-``Observation`` to the controller; the controller returns a motor torque in N m at the motor's own shaft, positive to the
-left; limits sit after it, never inside it. The same controller object must give the same torques for the same sequence of
-observations, whether it runs step by step or compiled in a rollout.
+Simulation, bench and rig all use these. A period of a control loop goes as follows: the environment
+(or the rig) measures, updates the reference and hands an ``Observation`` to the controller; the
+controller returns a motor torque in N m at the motor's own shaft, positive to the left; limits sit
+after it, never inside it. The same controller object gives the same torques for the same sequence
+of observations, whether it runs step by step or compiled in a rollout.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from steer_env.physics.control_unit import Observation
 __all__ = ["Controller", "Law", "Observation"]
 
 Law = Callable[[Observation, Any, Any], tuple[float, Any]]
-"""A control law as a pure function: (observation, state, parameters) -> (motor torque in N m, new state).
+"""A control law as a pure function: (observation, state, parameters) -> (torque in N m, new state).
 
-State and parameters are NamedTuples of floats; the function is marked ``@scalar``, so it compiles into a rollout.
+State and parameters are NamedTuples of floats; the function is marked ``@scalar``, so that it
+compiles into a rollout.
 """
 
 
@@ -30,7 +32,7 @@ class Controller(Protocol):
     parameters: Any
 
     def reset(self, period: float) -> None:
-        """Forget the past and prepare for control periods of ``period`` seconds; called before an episode."""
+        """Forget the past; control periods will be ``period`` seconds. Called before an episode."""
 
     def state(self) -> Any:
         """The law's present state, a NamedTuple of floats."""

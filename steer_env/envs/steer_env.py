@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -21,42 +21,52 @@ RENDER_FPS = 25
 
 
 class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """A driver turns a wheel; the motor must make it feel like the reference. One step is one control period of 1 ms.
+    """A driver turns a wheel; the motor must make it feel like the reference. One step is 1 ms.
 
     ## Action
-    Box(-1, 1, (1,)): motor torque as a share of the motor's rated torque, positive to the left. Beyond +-1 it is
-    clipped and ``info["clipped"]`` says so; NaN is a ValueError that leaves the state untouched.
+    Box(-1, 1, (1,)): motor torque as a share of the motor's rated torque, positive to the left.
+    Beyond +-1 it is clipped and ``info["clipped"]`` says so; NaN is a ValueError that leaves the
+    state untouched.
 
     ## Observation
-    Box(-10, 10, (13,), float32): the fields of ``Observation`` in its order, each divided by its unit in
-    ``OBSERVATION_SCALES``. It holds measured signals only (resolution, noise, latency), the reference made from them,
-    speed and the last four commands. ``info["observation"]`` is the same in SI, as controllers take it.
+    Box(-10, 10, (13,), float32): the fields of ``Observation`` in its order, each divided by its
+    unit in ``OBSERVATION_SCALES``. It holds measured signals only (resolution, noise, latency), the
+    reference made from them, speed and the last four commands. ``info["observation"]`` is the same
+    in SI, as controllers take it.
 
     ## Reward
-    Sum of ``reward_tracking`` (minus the true error against the ideal reference in units of 0.5 N m or 1 deg),
-    ``reward_smoothness`` and ``reward_effort``, each in ``info``. The ideal reference is fed with true signals.
+    Sum of ``reward_tracking`` (minus the true error against the ideal reference in units of 0.5 N m
+    or 1 deg), ``reward_smoothness`` and ``reward_effort``, each in ``info``. The ideal reference is
+    fed with true signals, so a late or noisy reference earns nothing.
 
     ## Start and end
-    At rest, straight ahead. Truncated at the end of the manoeuvre, or where the wheel is thrown (``info["ended"]``
-    tells which). Never terminated. ``info`` carries the fields of ``Truth`` in SI.
+    At rest, straight ahead. Truncated at the end of the manoeuvre, or where the wheel is thrown
+    (``info["ended"]`` tells which). Never terminated. ``info`` has the fields of ``Truth`` in SI.
 
     ## Options
-    Fields of ``Task``, at ``gymnasium.make`` and, for one episode on, in ``reset(options={...})``.
+    Fields of ``Task``, at ``gymnasium.make`` and, until changed again, in ``reset(options={...})``.
 
     ## Version history
     v0: first.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": RENDER_FPS}
+    metadata: dict[str, Any] = {  # noqa: RUF012  (Gymnasium reads it from the class)
+        "render_modes": ["rgb_array", "human"],
+        "render_fps": RENDER_FPS,
+    }
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
+            raise ValueError(
+                f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}"
+            )
         self.render_mode = render_mode
         self.task = Task().changed(options)
         n = len(Observation._fields)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self.observation_space = gymnasium.spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, (n,), np.float32)
+        self.observation_space = gymnasium.spaces.Box(
+            -OBSERVATION_LIMIT, OBSERVATION_LIMIT, (n,), np.float32
+        )
         self._rows = batch.new_rows(1)
         self._observation = np.zeros((1, n))
         self._scaled = np.zeros((1, n), np.float32)
@@ -64,7 +74,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._scales = np.ones((1, n))
         self._command = np.zeros(1)
         self._viewer: Any = None
-        # Checked now, so that a wrong option is told at make; the draw from a spare generator is thrown away.
+        # Checked now, so that a wrong option is told at make; what this draws is thrown away.
         self._setup: Setup = prepare(self.task, np.random.default_rng(0), PERIOD)
         self._period = -1
 
@@ -75,7 +85,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @property
     def reference(self) -> Reference:
-        """The haptic reference; ``reference.to_statespace(speed)`` is Eq. 10 as a control.StateSpace."""
+        """The haptic reference; its ``to_statespace(speed)`` is Eq. 10 as a control.StateSpace."""
         return self._setup.reference
 
     @property
@@ -108,7 +118,8 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._period = 0
         self._draw_noise()
         speed = PARAMETERS.read(self._setup.row, "episode").speed
-        self._observation[0] = Observation(*[0.0] * 8, speed, *[0.0] * 4)
+        self._observation[0] = 0.0
+        self._observation[0, Observation._fields.index("speed")] = speed
         self._scaled[0] = self._observation[0] / self._scales[0]
         self._truth[0] = 0.0
         self._truth[0, Truth._fields.index("speed")] = speed
@@ -124,7 +135,9 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise RuntimeError("step before reset: call env.reset() first")
         share = float(np.asarray(action).reshape(-1)[0])
         if not math.isfinite(share):
-            raise ValueError(f"action is {share}: give a finite share of the rated torque in [-1, 1]; nothing was done")
+            raise ValueError(
+                f"action is {share}: give a finite share of the rated torque in [-1, 1]"
+            )
         clipped = share < -1.0 or share > 1.0
         self._command[0] = min(max(share, -1.0), 1.0) * self._rated_torque
         if self._next_noise == NOISE_BLOCK:
@@ -166,8 +179,8 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._noise = self.np_random.standard_normal((NOISE_BLOCK, 1, 2))
         self._next_noise = 0
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """The wheel and the traces of torque and angle against the reference, as an image [h, w, 3]."""
+    def render(self) -> NDArray[np.uint8] | None:
+        """The wheel and the traces against the reference, as an image [h, w, 3]."""
         if self.render_mode is None:
             gymnasium.logger.warn("render() without a render_mode; give one at gymnasium.make")
             return None
@@ -193,9 +206,11 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
 def _scales(causality: str, rated_torque: float) -> Observation:
     scales = OBSERVATION_SCALES._replace(
-        last_torque_1=rated_torque, last_torque_2=rated_torque, last_torque_3=rated_torque, last_torque_4=rated_torque
+        last_torque_1=rated_torque,
+        last_torque_2=rated_torque,
+        last_torque_3=rated_torque,
+        last_torque_4=rated_torque,
     )
     if causality == "admittance":
         return scales._replace(reference=scales.pinion_angle, reference_rate=scales.pinion_rate)
     return scales
-

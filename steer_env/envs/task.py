@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,11 @@ from steer_env.plants.reference import steady_stiffness
 from steer_env.units import check_ranges, from_kmh
 
 RANDOMISABLE = ("plant", "driver", "car", "speed", "manoeuvre")
-CAR_FACTORS = {"mass": (0.9, 1.2), "grip": (0.8, 1.15), "trail": (0.85, 1.15)}  # assumption: load, tyres, pressure
+CAR_FACTORS = {
+    "mass": (0.9, 1.2),
+    "grip": (0.8, 1.15),
+    "trail": (0.85, 1.15),
+}  # assumption: load, tyres, pressure
 RANDOM_ARMS = ("one_hand_light", "relaxed", "tense")
 
 
@@ -30,12 +34,14 @@ RANDOM_ARMS = ("one_hand_light", "relaxed", "tense")
 class Task:
     """Everything that can be chosen at ``gymnasium.make`` or in ``reset(options=...)``.
 
-    reference: "published", a reference.json or a Reference; ``linear`` takes Eq. 10 instead of the complete one.
+    reference: "published", a reference.json or a Reference; ``linear`` takes Eq. 10 instead of the
+        complete one.
     car: whose vehicle loads the rack; None takes the one that the reference was identified on.
     speed_kmh: one number, or (start, end) for a speed that changes evenly over the episode.
     amplitude: hand angle in rad (N m for random_torque); None takes the paper's for the speed.
     duration: s after the lead-in; None takes the manoeuvre's.
-    randomise: names out of RANDOMISABLE, "all", or nothing; drawn anew at each reset from the env's own generator.
+    randomise: names out of RANDOMISABLE, "all", or nothing; drawn anew at each reset from the
+        environment's own generator.
     """
 
     plant: str | Plant = "EPAS"
@@ -50,14 +56,16 @@ class Task:
     duration: float | None = None
     randomise: str | Iterable[str] = ()
     sensors: Sensors | None = None
-    reward: Reward = Reward()
+    reward: Reward = field(default_factory=Reward)
 
     def changed(self, options: dict[str, Any]) -> Task:
         """The task with some choices replaced; an unknown name is an InputError."""
         known = [f.name for f in fields(self)]
         for name in options:
             if name not in known:
-                raise InputError("options", f"there is no option {name!r}", f"use {_suggest(name, known)}")
+                raise InputError(
+                    "options", f"there is no option {name!r}", f"use {_suggest(name, known)}"
+                )
         return replace(self, **options)
 
 
@@ -74,14 +82,20 @@ class Setup:
 
 
 def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
-    """Check a task and draw what is random in it; raises InputError naming the option that is wrong."""
+    """Check a task and draw what is random in it; InputError names the option that is wrong."""
     chosen = _randomised_names(task.randomise)
     plant = _from_table(task.plant, PLANTS, Plant, "plant")
     driver = _from_table(task.driver, DRIVERS, Driver, "driver")
     if task.causality not in ("impedance", "admittance"):
-        raise InputError("causality", f"{task.causality!r} is not known", "use 'impedance' or 'admittance'")
+        raise InputError(
+            "causality", f"{task.causality!r} is not known", "use 'impedance' or 'admittance'"
+        )
     if task.manoeuvre not in MANOEUVRES:
-        raise InputError("manoeuvre", f"{task.manoeuvre!r} is not known", f"use {_suggest(task.manoeuvre, MANOEUVRES)}")
+        raise InputError(
+            "manoeuvre",
+            f"{task.manoeuvre!r} is not known",
+            f"use {_suggest(task.manoeuvre, MANOEUVRES)}",
+        )
     reference = Reference.load(task.reference, task.linear)
     speeds = _speeds(task.speed_kmh, reference, rng if "speed" in chosen else None)
     if "driver" in chosen:
@@ -98,8 +112,12 @@ def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
     if "plant" in chosen:
         _draw_plant(parts, plant, rng)
     if "car" in chosen:
-        parts["car_spread"] = CarSpread(**{name: rng.uniform(*span) for name, span in CAR_FACTORS.items()})
-    parts["manoeuvre"] = _manoeuvre(task, driver, speeds[0], reference, rng if "manoeuvre" in chosen else None)
+        parts["car_spread"] = CarSpread(
+            **{name: rng.uniform(*span) for name, span in CAR_FACTORS.items()}
+        )
+    parts["manoeuvre"] = _manoeuvre(
+        task, driver, speeds[0], reference, rng if "manoeuvre" in chosen else None
+    )
     length = parts["manoeuvre"].lead_in + parts["manoeuvre"].duration
     parts["episode"] = Episode(
         kind=float(kind_of(task.manoeuvre)),
@@ -126,9 +144,15 @@ def _manoeuvre(
     if amplitude is None and row.lateral_acceleration != 0.0:
         if driver.k <= 0.0 and driver.torque_limit > 0.0:
             raise InputError(
-                "driver", f"a driver without stiffness cannot follow {task.manoeuvre}", "use manoeuvre='random_torque'"
+                "driver",
+                f"a driver without stiffness cannot follow {task.manoeuvre}",
+                "use manoeuvre='random_torque'",
             )
-        wanted = paper_acceleration(speed) if row.lateral_acceleration is None else row.lateral_acceleration
+        wanted = (
+            paper_acceleration(speed)
+            if row.lateral_acceleration is None
+            else row.lateral_acceleration
+        )
         peak = p.frequency_end if task.manoeuvre == "frequency_response" else p.frequency
         at_speed = reference.at(speed)
         angle = steering_amplitude(wanted, speed, at_speed, peak)
@@ -137,7 +161,9 @@ def _manoeuvre(
     if task.duration is not None:
         p = p._replace(duration=float(task.duration))
     if rng is not None:
-        p = p._replace(amplitude=p.amplitude * rng.uniform(0.5, 1.1), phase=rng.uniform(0.0, 1000.0))
+        p = p._replace(
+            amplitude=p.amplitude * rng.uniform(0.5, 1.1), phase=rng.uniform(0.0, 1000.0)
+        )
     return p
 
 
@@ -152,7 +178,9 @@ def _speeds(
         start, end = (speed_kmh, speed_kmh) if isinstance(speed_kmh, (int, float)) else speed_kmh
         start, end = float(start), float(end)
     except (TypeError, ValueError) as wrong:
-        raise InputError("speed_kmh", f"{speed_kmh!r} is not a speed", "give km/h, or (start, end) in km/h") from wrong
+        raise InputError(
+            "speed_kmh", f"{speed_kmh!r} is not a speed", "give km/h, or (start, end) in km/h"
+        ) from wrong
     for value in (start, end):
         if not 2.0 <= value <= 400.0:
             raise InputError("speed_kmh", f"{value:g} km/h is out of range", "give 2 to 400 km/h")
@@ -165,7 +193,9 @@ def _randomised_names(randomise: str | Iterable[str]) -> tuple[str, ...]:
         return RANDOMISABLE
     for name in names:
         if name not in RANDOMISABLE:
-            raise InputError("randomise", f"{name!r} is not known", f"use 'all' or names out of {RANDOMISABLE}")
+            raise InputError(
+                "randomise", f"{name!r} is not known", f"use 'all' or names out of {RANDOMISABLE}"
+            )
     return names
 
 
@@ -179,9 +209,9 @@ def _random_driver(rng: np.random.Generator) -> Driver:
 
 def _draw_plant(parts: dict[str, Any], plant: Plant, rng: np.random.Generator) -> None:
     for name, (low, high) in plant.spread.items():
-        part, field = name.split(".")
+        part, item = name.split(".")
         factor = rng.uniform(low, high)
-        parts[part] = parts[part]._replace(**{field: getattr(parts[part], field) * factor})
+        parts[part] = parts[part]._replace(**{item: getattr(parts[part], item) * factor})
     delay = float(rng.integers(0, 3))
     parts["motor"] = parts["motor"]._replace(dead_time=min(delay + 1.0, LINE_LENGTH - 1.0))
 

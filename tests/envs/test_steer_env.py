@@ -1,4 +1,4 @@
-"""The environments as their users meet them: ids, seeds, bad actions, options, rewards, ends, pictures."""
+"""The environments as users meet them: ids, seeds, bad actions, options, rewards, ends."""
 
 import math
 
@@ -14,7 +14,11 @@ from steer_env.manoeuvres import MANOEUVRES
 from steer_env.physics.control_unit import Observation
 from steer_env.plants import DRIVERS, PLANTS
 
-IDS = [f"steer_env/{plant}-{causality}-v0" for plant in PLANTS for causality in ("Impedance", "Admittance")]
+IDS = [
+    f"steer_env/{plant}-{causality}-v0"
+    for plant in PLANTS
+    for causality in ("Impedance", "Admittance")
+]
 ZERO = np.zeros(1, np.float32)
 
 
@@ -26,8 +30,12 @@ def drive(env, periods, seed=0, action=0.1, **reset_options):
     env.reset(seed=seed, **reset_options)
     rows = []
     for k in range(periods):
-        observation, reward, _, truncated, info = env.step(np.array([action * math.sin(0.02 * k)], np.float32))
-        rows.append((*observation.tolist(), reward, info["steering_angle"], info["torsion_bar_torque"]))
+        observation, reward, _, truncated, info = env.step(
+            np.array([action * math.sin(0.02 * k)], np.float32)
+        )
+        rows.append(
+            (*observation.tolist(), reward, info["steering_angle"], info["torsion_bar_torque"])
+        )
         if truncated:
             break
     return np.array(rows)
@@ -41,8 +49,10 @@ def test_gymnasium_accepts_the_environment(env_id):
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_stable_baselines3_accepts_the_environment(env_id):
-    """Catches whatever its training loops cannot take (they are stricter about dtypes and bounds)."""
-    checker = pytest.importorskip("stable_baselines3.common.env_checker", reason="extra [learn] is not installed")
+    """Catches what its training loops cannot take: it is stricter about dtypes and bounds."""
+    checker = pytest.importorskip(
+        "stable_baselines3.common.env_checker", reason="extra [learn] is not installed"
+    )
     checker.check_env(make(env_id))
 
 
@@ -75,22 +85,26 @@ def test_action_beyond_one_is_clipped_and_told():
     env.reset(seed=1)
     twin.reset(seed=1)
     info, full = env.step(np.array([7.0], np.float32))[4], twin.step(np.ones(1, np.float32))[4]
-    assert info["clipped"] and not full["clipped"]
+    assert info["clipped"]
+    assert not full["clipped"]
     assert info["command"] == full["command"] <= env.unwrapped.motor.rated_torque
 
 
 def test_a_destabilising_controller_ends_the_episode_with_its_reason():
-    """Catches NaN observations and endless episodes: positive feedback on the rate throws the wheel."""
+    """Catches NaN observations and endless episodes: feedback on the rate throws the wheel."""
     env = make(driver="hands_off")
     env.reset(seed=0)
     action = np.ones(1, np.float32)
     for _ in range(20000):
         observation, reward, terminated, truncated, info = env.step(action)
-        assert np.isfinite(observation).all() and math.isfinite(reward)
+        assert np.isfinite(observation).all()
+        assert math.isfinite(reward)
         action = np.array([math.copysign(1.0, info["pinion_rate"])], np.float32)
         if truncated:
             break
-    assert truncated and not terminated and info["ended"].startswith("unstable")
+    assert truncated
+    assert not terminated
+    assert info["ended"].startswith("unstable")
 
 
 def test_an_episode_ends_with_its_manoeuvre():
@@ -142,7 +156,7 @@ def test_speed_profile_is_driven():
 
 
 def test_observation_is_measured_and_late():
-    """Catches hidden truth in the observation: torque must lie on the sensor's grid and lag the truth by its latency."""
+    """Catches hidden truth in the observation: torque lies on the sensor's grid and is late."""
     env = make(IDS[2], driver="robot", manoeuvre="steady_state")
     env.reset(seed=3)
     step = env.unwrapped.plant.sensors.torque_step
@@ -165,7 +179,9 @@ def test_scaled_observation_is_the_si_one_in_named_units():
     for _ in range(900):
         scaled, *_, info = env.step(np.array([0.05], np.float32))
     expected = np.array(info["observation"]) / np.array(
-        OBSERVATION_SCALES._replace(**{f"last_torque_{k}": env.unwrapped.motor.rated_torque for k in (1, 2, 3, 4)})
+        OBSERVATION_SCALES._replace(
+            **{f"last_torque_{k}": env.unwrapped.motor.rated_torque for k in (1, 2, 3, 4)}
+        )
     )
     assert scaled == pytest.approx(expected.astype(np.float32))
     assert Observation._fields == OBSERVATION_SCALES._fields
@@ -202,7 +218,8 @@ def test_picture(env_id):
     for _ in range(1500):
         env.step(ZERO)
     image = env.render()
-    assert image.dtype == np.uint8 and image.shape[2] == 3
+    assert image.dtype == np.uint8
+    assert image.shape[2] == 3
     assert (image != blank).any()
     env.close()
 
