@@ -20,8 +20,8 @@ class Robot(NamedTuple):
     damping: Annotated[float, Quantity("-", "servo damping ratio", 0.2, 2.0, "assumption")] = 0.7
     torque_limit: Annotated[float, Quantity("N m", "largest torque", 1.0, 200.0, "assumption: 60-70 of an SR60")] = 60.0
     rate_limit: Annotated[
-        float, Quantity("rad/s", "fastest wheel rate in a planned manoeuvre", 1.0, 60.0, "assumption: 1200 deg/s")
-    ] = 21.0
+        float, Quantity("rad/s", "fastest wheel rate in a planned manoeuvre", 1.0, 60.0, "assumption: 1090 deg/s")
+    ] = 19.0
 
 
 class UnitSensors(NamedTuple):

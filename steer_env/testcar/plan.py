@@ -69,13 +69,14 @@ def _unit_target(manoeuvre: str) -> tuple[Array, Array]:
 
 
 def _fade_out(angle: Array, rate: Array, after: Array, frequency: float) -> None:
-    """Continue a sweep that ends in a rising zero crossing: its last frequency, dying away within FADE seconds."""
-    here = (after >= 0.0) & (after < FADE)
+    """Continue a sweep that ends in a zero crossing: its last frequency, dying away within FADE seconds."""
+    here = (after > -0.5 * PERIOD) & (after < FADE)  # the first sample may lie a rounding error before the end
     s, omega = after[here], 2.0 * math.pi * frequency
     fade = 0.5 + 0.5 * np.cos(math.pi * s / FADE)
     slope = -0.5 * math.pi / FADE * np.sin(math.pi * s / FADE)
-    angle[here] = fade * np.sin(omega * s)
-    rate[here] = fade * omega * np.cos(omega * s) + slope * np.sin(omega * s)
+    sign = np.sign(rate[np.flatnonzero(here)[0] - 1])
+    angle[here] = sign * fade * np.sin(omega * s)
+    rate[here] = sign * (fade * omega * np.cos(omega * s) + slope * np.sin(omega * s))
 
 
 def sine_amplitude(speed_kmh: float, car: TestCar) -> float:
