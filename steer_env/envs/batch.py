@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from steer_env.envs.layout import LINE_LENGTH, LINES, OBSERVATION_LIMIT, PARAMETERS, STATE, Clock
 from steer_env.envs.period import control_period, set_speed
-from steer_env.physics._jit import compiled
+from steer_env.physics._jit import compiled, compiled_with
 from steer_env.physics.control_unit import Observation
 
 Array = NDArray[np.float64]
@@ -89,7 +89,6 @@ def make_rollout(law: Callable[[Observation, Any, Any], Any]) -> Callable[..., i
     ended or turned unstable.
     """
 
-    @compiled
     def rollout(
         law_state: Any,
         law_parameters: Any,
@@ -113,4 +112,4 @@ def make_rollout(law: Callable[[Observation, Any, Any], Any]) -> Callable[..., i
                 return k + 1
         return int(truths.shape[0])
 
-    return rollout
+    return compiled_with(rollout, law)

@@ -5,8 +5,8 @@ compiled code it is inlined. ``@compiled`` marks one of the few entry points. No
 and products instead of powers, so that Python and machine code give the same bits.
 
 Numba's own disk cache does not notice that an equation in another file changed. Ours cannot go
-stale: entry points are stored in a folder named by a hash of every source file of the four
-packages, of numba's version and of the interpreter. Set STEER_ENV_CACHE=0 to compile anew in every
+stale: an entry point is stored in a folder named by a hash of every source file of steer_env and
+of the package it stands in, of numba's version and of the interpreter. Set STEER_ENV_CACHE=0 to compile anew in every
 process, or NUMBA_DISABLE_JIT=1 to run everything as plain Python.
 """
 
@@ -27,6 +27,7 @@ from platformdirs import user_cache_dir
 F = TypeVar("F", bound=Callable[..., Any])
 
 _CONFIG: Any = numba.config
+_ROOT = Path(__file__).resolve().parents[2]
 
 
 def scalar(function: F) -> F:
@@ -37,12 +38,17 @@ def scalar(function: F) -> F:
 
 
 def compiled(function: F) -> F:
-    """A compiled entry point, cached on disk under a key that follows every source file."""
+    """A compiled entry point, cached on disk under a key that follows the sources it is made of."""
+    return compiled_with(function)
+
+
+def compiled_with(function: F, *parts: Callable[..., Any]) -> F:
+    """As ``compiled``, for an entry point that closes over functions of other packages."""
     dispatcher: Any = numba.njit(error_model="numpy", fastmath=False, nogil=True)(function)
     if _CONFIG.DISABLE_JIT or os.environ.get("STEER_ENV_CACHE") == "0":
         return dispatcher
     before = _CONFIG.CACHE_DIR
-    _CONFIG.CACHE_DIR = str(_cache_folder())
+    _CONFIG.CACHE_DIR = str(_cache_folder((function, *parts)))
     try:
         dispatcher.enable_caching()
     finally:
@@ -50,12 +56,22 @@ def compiled(function: F) -> F:
     return dispatcher
 
 
-@cache
-def _cache_folder() -> Path:
-    """The cache folder of exactly these sources."""
-    root = Path(__file__).resolve().parents[2]
+def _cache_folder(functions: tuple[Callable[..., Any], ...]) -> Path:
+    """The cache folder of exactly these sources: steer_env and whatever the functions come from."""
+    roots = {_ROOT / "steer_env"}
+    for function in functions:
+        source = Path(function.__code__.co_filename).resolve()
+        ours = source.is_relative_to(_ROOT)
+        roots.add(_ROOT / source.relative_to(_ROOT).parts[0] if ours else source)
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    for package in ("steer_env", "controllers", "identification", "experiments"):
-        for path in sorted((root / package).rglob("*.py")):
-            digest.update(path.read_bytes())
+    for root in sorted(roots):
+        digest.update(_hash_of(root))
     return Path(user_cache_dir("steer-env")) / "compiled" / digest.hexdigest()[:16]
+
+
+@cache
+def _hash_of(root: Path) -> bytes:
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob("*.py")) if root.is_dir() else [root]:
+        digest.update(path.read_bytes())
+    return digest.digest()
