@@ -5,9 +5,9 @@ compiled code it is inlined. ``@compiled`` marks one of the few entry points. No
 and products instead of powers, so that Python and machine code give the same bits.
 
 Numba's own disk cache does not notice that an equation in another file changed. Ours cannot go
-stale: an entry point is stored in a folder named by a hash of every source file of steer_env and
-of the package it stands in, of numba's version and of the interpreter. Set STEER_ENV_CACHE=0 to compile anew in every
-process, or NUMBA_DISABLE_JIT=1 to run everything as plain Python.
+stale: an entry point is stored in a folder named by a hash of every source file of steer_env and of
+the package it stands in, of numba's version and of the interpreter. Set STEER_ENV_CACHE=0 to
+compile anew in every process, or NUMBA_DISABLE_JIT=1 to run everything as plain Python.
 """
 
 from __future__ import annotations
