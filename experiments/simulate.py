@@ -1,7 +1,7 @@
-"""steer-env simulate: the virtual test vehicle drives the paper's manoeuvres and leaves a measurement campaign.
+"""steer-env simulate: the virtual test vehicle drives the paper's manoeuvres into a campaign.
 
-Writes campaign.toml and runs/*.csv, and truth.json beside them: what an identification of this campaign should find.
-Nothing that identifies reads truth.json.
+Writes campaign.toml and runs/*.csv, and truth.json beside them: what an identification of this
+campaign should find. Nothing that identifies reads truth.json.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from steer_env import atomic
 from steer_env.testcar import truth
 from steer_env.testcar.campaign_writer import campaign_toml, run_file, write_run
 from steer_env.testcar.drive import drive, generator_of
-from steer_env.testcar.parameters import TestCar
+from steer_env.testcar.parameters import VirtualCar
 from steer_env.testcar.plan import SPEEDS_KMH, PlannedRun, runs_at
 
 LOWEST_KMH, HIGHEST_KMH = 5.0, 180.0
@@ -50,7 +50,9 @@ class Order(NamedTuple):
     clean: bool
 
 
-def parse_speeds(_context: click.Context, _parameter: click.Parameter, text: str) -> tuple[float, ...]:
+def parse_speeds(
+    _context: click.Context, _parameter: click.Parameter, text: str
+) -> tuple[float, ...]:
     """Speeds in km/h from a comma-separated list."""
     try:
         speeds = tuple(float(part) for part in text.split(","))
@@ -58,13 +60,15 @@ def parse_speeds(_context: click.Context, _parameter: click.Parameter, text: str
         raise click.BadParameter(f"'{text}' is not a list of km/h such as 105,75,45") from None
     for speed in speeds:
         if not LOWEST_KMH <= speed <= HIGHEST_KMH:
-            raise click.BadParameter(f"{speed:g} km/h is outside {LOWEST_KMH:g} to {HIGHEST_KMH:g} km/h")
+            raise click.BadParameter(
+                f"{speed:g} km/h is outside {LOWEST_KMH:g} to {HIGHEST_KMH:g} km/h"
+            )
     if len(set(speeds)) != len(speeds):
         raise click.BadParameter("a speed is given twice")
     return speeds
 
 
-def recipe(order: Order, car: TestCar) -> str:
+def recipe(order: Order, car: VirtualCar) -> str:
     """Name of everything that the campaign depends on: order, car and the equations themselves."""
     digest = hashlib.sha256(repr((steer_env.__version__, order, car)).encode())
     root = Path(inspect.getfile(steer_env)).parent
@@ -75,7 +79,7 @@ def recipe(order: Order, car: TestCar) -> str:
 
 
 def drive_speed(
-    speed_kmh: float, order: Order, car: TestCar, folder: Path, advance: Callable[..., None]
+    speed_kmh: float, order: Order, car: VirtualCar, folder: Path, advance: Callable[..., None]
 ) -> tuple[list[PlannedRun], dict[str, Any]]:
     """Drive and write what is missing of one speed; return its runs and its true row."""
     runs = runs_at(speed_kmh, order.repeats, car)
@@ -90,30 +94,44 @@ def drive_speed(
     return runs, row
 
 
-def simulate(order: Order, car: TestCar, folder: Path, jobs: int, advance: Callable[..., None]) -> dict[str, Any]:
-    """Drive all speeds into ``folder``, which may hold runs of an interrupted call; return the content of truth.json."""
+def simulate(
+    order: Order, car: VirtualCar, folder: Path, jobs: int, advance: Callable[..., None]
+) -> dict[str, Any]:
+    """Drive all speeds into ``folder`` and return the content of truth.json.
+
+    ``folder`` may hold runs of an interrupted call; they are kept.
+    """
     pool = ThreadPoolExecutor(max_workers=jobs)  # the compiled runs release the interpreter's lock
     try:
-        waiting = {pool.submit(drive_speed, v, order, car, folder, advance): v for v in order.speeds_kmh}
+        waiting = {
+            pool.submit(drive_speed, v, order, car, folder, advance): v for v in order.speeds_kmh
+        }
         done = {waiting[future]: future.result() for future in as_completed(waiting)}
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
     runs = [run for v in order.speeds_kmh for run in done[v][0]]
     name = f"virtual test vehicle, seed {order.seed}{', clean' if order.clean else ''}"
     atomic.write_text(folder / "campaign.toml", campaign_toml(name, car, runs))
-    files = {run_file(run): hashlib.sha256((folder / run_file(run)).read_bytes()).hexdigest() for run in runs}
+    files = {
+        run_file(run): hashlib.sha256((folder / run_file(run)).read_bytes()).hexdigest()
+        for run in runs
+    }
     content = {
         "schema_version": 1,
         "definitions": inspect.cleandoc(truth.__doc__ or ""),
         "rows": [done[v][1] for v in sorted(order.speeds_kmh)],
-        "provenance": {"recipe": recipe(order, car), "software": f"steer-env {steer_env.__version__}", "files": files},
+        "provenance": {
+            "recipe": recipe(order, car),
+            "software": f"steer-env {steer_env.__version__}",
+            "files": files,
+        },
     }
     atomic.write_text(folder / "truth.json", json.dumps(content, indent=2) + "\n")
     return content
 
 
 def finished(out: Path, key: str) -> dict[str, Any] | None:
-    """truth.json of a complete campaign of this recipe in ``out``, None where there is none or a file differs."""
+    """truth.json of a complete campaign of this recipe, None where something differs."""
     try:
         content: dict[str, Any] = json.loads((out / "truth.json").read_text("utf-8"))
         provenance = content["provenance"]
@@ -138,9 +156,16 @@ def finished(out: Path, key: str) -> dict[str, Any] | None:
     help="Speeds in km/h.",
 )
 @click.option(
-    "--repeats", type=click.IntRange(1, 50), default=3, show_default=True, metavar="N", help="Sweeps per speed."
+    "--repeats",
+    type=click.IntRange(1, 50),
+    default=3,
+    show_default=True,
+    metavar="N",
+    help="Sweeps per speed.",
 )
-@click.option("--clean", is_flag=True, help="No disturbance, noise, latency or rounding in the logs.")
+@click.option(
+    "--clean", is_flag=True, help="No disturbance, noise, latency or rounding in the logs."
+)
 @common_options
 def command(
     speeds_kmh: tuple[float, ...],
@@ -153,15 +178,20 @@ def command(
     as_json: bool,
 ) -> None:
     """Drive the virtual test vehicle through the paper's manoeuvres and write a campaign."""
-    order, car = Order(speeds_kmh, repeats, seed, clean), TestCar()
+    order, car = Order(speeds_kmh, repeats, seed, clean), VirtualCar()
     key = recipe(order, car)
     content = finished(out, key)
     if content is None:
         steps = len(speeds_kmh) * (len(runs_at(speeds_kmh[0], repeats, car)) + 1)
-        with progress("simulate", total=steps, quiet=quiet) as advance, atomic.folder(out, key) as folder:
+        with (
+            progress("simulate", total=steps, quiet=quiet) as advance,
+            atomic.folder(out, key) as folder,
+        ):
             content = simulate(order, car, folder, jobs, advance)
     if as_json:
         print_json({"campaign": str(out / "campaign.toml"), "rows": content["rows"]})
         return
-    print_table(_SHOWN, [[row[name] for name in _SHOWN] for row in content["rows"]], title="true parameters")
+    print_table(
+        _SHOWN, [[row[name] for name in _SHOWN] for row in content["rows"]], title="true parameters"
+    )
     click.echo(f"{out / 'campaign.toml'}")

@@ -1,9 +1,10 @@
-"""Two-track vehicle with roll: side slip, yaw, roll, four relaxed tyres, load transfer, compliance and roll steer.
+"""Two-track vehicle with roll, relaxed tyres, load transfer, compliance and roll steer.
 
-The road is flat and the speed is held by an ideal drive. Lateral speed is taken on the roll axis below the mass centre,
-lateral acceleration at the mass centre itself (as an IMU unit refers them). Load is transferred through the roll
-springs and dampers only (roll centres on the ground), which puts all of it behind the roll motion. Signs follow ISO
-8855: positive roll leans the body to the right, as in a left turn.
+The road is flat and the speed is held by an ideal drive. Lateral speed is taken on the roll axis
+below the mass centre, lateral acceleration at the mass centre itself (as an IMU unit refers them).
+Load is transferred through the roll springs and dampers only (roll centres on the ground), which
+puts all of it behind the roll motion. Signs follow ISO 8855: positive roll leans the body to the
+right, as in a left turn.
 """
 
 from __future__ import annotations
@@ -21,38 +22,79 @@ _HALF = 0.5
 class TwoTrack(NamedTuple):
     """Defaults are an ordinary mid-size estate car, not the one of the paper."""
 
-    m: Annotated[float, Quantity("kg", "total mass", 500.0, 5000.0, "mid-size estate with driver")] = 1640.0
-    m_s: Annotated[float, Quantity("kg", "sprung mass", 400.0, 4800.0, "assumption: 90 % of the total")] = 1470.0
-    J_z: Annotated[float, Quantity("kg m2", "yaw inertia", 300.0, 1e4, "assumption: 0.94 m l_f l_r")] = 2800.0
-    J_x: Annotated[float, Quantity("kg m2", "roll inertia about the sprung mass centre", 50.0, 3e3, "assumption")] = 520.0
-    l_f: Annotated[float, Quantity("m", "centre of gravity to front axle", 0.5, 3.0, "assumption")] = 1.24
-    l_r: Annotated[float, Quantity("m", "centre of gravity to rear axle", 0.5, 3.0, "assumption")] = 1.46
+    m: Annotated[
+        float, Quantity("kg", "total mass", 500.0, 5000.0, "mid-size estate with driver")
+    ] = 1640.0
+    m_s: Annotated[
+        float, Quantity("kg", "sprung mass", 400.0, 4800.0, "assumption: 90 % of the total")
+    ] = 1470.0
+    J_z: Annotated[
+        float, Quantity("kg m2", "yaw inertia", 300.0, 1e4, "assumption: 0.94 m l_f l_r")
+    ] = 2800.0
+    J_x: Annotated[
+        float,
+        Quantity("kg m2", "roll inertia about the sprung mass centre", 50.0, 3e3, "assumption"),
+    ] = 520.0
+    l_f: Annotated[
+        float, Quantity("m", "centre of gravity to front axle", 0.5, 3.0, "assumption")
+    ] = 1.24
+    l_r: Annotated[
+        float, Quantity("m", "centre of gravity to rear axle", 0.5, 3.0, "assumption")
+    ] = 1.46
     track_f: Annotated[float, Quantity("m", "front track", 1.0, 2.5, "assumption")] = 1.56
     track_r: Annotated[float, Quantity("m", "rear track", 1.0, 2.5, "assumption")] = 1.55
-    roll_arm: Annotated[float, Quantity("m", "sprung mass centre above roll axis", 0.0, 1.0, "assumption")] = 0.42
-    c_roll_f: Annotated[float, Quantity("N m/rad", "front roll stiffness", 1e3, 1e8, "assumption")] = 58000.0
-    c_roll_r: Annotated[float, Quantity("N m/rad", "rear roll stiffness", 1e3, 1e8, "assumption")] = 42000.0
-    b_roll_f: Annotated[float, Quantity("N m s/rad", "front roll damping", 0.0, 1e6, "assumption")] = 3000.0
-    b_roll_r: Annotated[float, Quantity("N m s/rad", "rear roll damping", 0.0, 1e6, "assumption")] = 2500.0
+    roll_arm: Annotated[
+        float, Quantity("m", "sprung mass centre above roll axis", 0.0, 1.0, "assumption")
+    ] = 0.34
+    c_roll_f: Annotated[
+        float, Quantity("N m/rad", "front roll stiffness", 1e3, 1e8, "assumption")
+    ] = 80000.0
+    c_roll_r: Annotated[
+        float, Quantity("N m/rad", "rear roll stiffness", 1e3, 1e8, "assumption")
+    ] = 58000.0
+    b_roll_f: Annotated[
+        float, Quantity("N m s/rad", "front roll damping", 0.0, 1e6, "assumption")
+    ] = 3600.0
+    b_roll_r: Annotated[
+        float, Quantity("N m s/rad", "rear roll damping", 0.0, 1e6, "assumption")
+    ] = 2900.0
     compliance_f: Annotated[
-        float, Quantity("rad/N", "front steer lost per axle side force", -1e-5, 1e-5, "assumption: 0.07 deg/kN")
+        float,
+        Quantity(
+            "rad/N", "front steer lost per axle side force", -1e-5, 1e-5, "assumption: 0.07 deg/kN"
+        ),
     ] = 1.2e-6
     compliance_r: Annotated[
-        float, Quantity("rad/N", "rear steer lost per axle side force", -1e-5, 1e-5, "assumption: toe-in under force")
+        float,
+        Quantity(
+            "rad/N",
+            "rear steer lost per axle side force",
+            -1e-5,
+            1e-5,
+            "assumption: toe-in under force",
+        ),
     ] = -2.0e-7
-    roll_steer_f: Annotated[float, Quantity("rad/rad", "front steer lost per roll", -0.5, 0.5, "assumption")] = 0.04
-    roll_steer_r: Annotated[float, Quantity("rad/rad", "rear steer lost per roll", -0.5, 0.5, "assumption")] = -0.02
-    ackermann: Annotated[float, Quantity("-", "share of full Ackermann geometry", 0.0, 1.5, "assumption")] = 0.6
+    roll_steer_f: Annotated[
+        float, Quantity("rad/rad", "front steer lost per roll", -0.5, 0.5, "assumption")
+    ] = 0.04
+    roll_steer_r: Annotated[
+        float, Quantity("rad/rad", "rear steer lost per roll", -0.5, 0.5, "assumption")
+    ] = -0.02
+    ackermann: Annotated[
+        float, Quantity("-", "share of full Ackermann geometry", 0.0, 1.5, "assumption")
+    ] = 0.6
     mechanical_trail: Annotated[
         float, Quantity("m", "caster trail at the ground", 0.0, 0.1, "assumption: 7 deg caster")
     ] = 0.040
-    i_s: Annotated[float, Quantity("-", "pinion angle / road-wheel angle", 5.0, 40.0, "assumption")] = 16.2
+    i_s: Annotated[
+        float, Quantity("-", "pinion angle / road-wheel angle", 5.0, 40.0, "assumption")
+    ] = 16.2
     front: Tyre = Tyre()
     rear: Tyre = Tyre(stiffness_max=86000.0, trail=0.036)
 
 
 class TwoTrackState(NamedTuple):
-    """Lateral speed (m/s), yaw rate (rad/s), roll (rad) and its rate, relaxed slips (tan) of the four tyres."""
+    """Lateral speed, yaw rate, roll and its rate (SI), relaxed slips (tan) of the four tyres."""
 
     lateral_speed: float
     yaw_rate: float
@@ -74,7 +116,7 @@ class Loads(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """Tyre side forces in N, pneumatic trails in m, and the two steer angles of each axle's wheels in rad."""
+    """Side forces (N), pneumatic trails (m), steer angles (rad) of front wheels and rear axle."""
 
     force_fl: float
     force_fr: float
@@ -91,7 +133,7 @@ class Contact(NamedTuple):
 
 @scalar
 def wheel_loads(x: TwoTrackState, p: TwoTrack) -> Loads:
-    """Static loads plus what the roll springs and dampers carry over; their sum is always the weight."""
+    """Static loads plus what roll springs and dampers carry over; the sum is always the weight."""
     per_length = _HALF * p.m * GRAVITY / (p.l_f + p.l_r)
     transfer_f = (p.c_roll_f * x.roll + p.b_roll_f * x.roll_rate) / p.track_f
     transfer_r = (p.c_roll_r * x.roll + p.b_roll_r * x.roll_rate) / p.track_r
@@ -102,13 +144,13 @@ def wheel_loads(x: TwoTrackState, p: TwoTrack) -> Loads:
 
 @scalar
 def ackermann_slope(tyre_angle: float, p: TwoTrack) -> float:
-    """How much faster the inner wheel steers than the mean of both (dimensionless, signed as the angle)."""
+    """How much faster the inner wheel steers than the mean of both (-, signed as the angle)."""
     return p.ackermann * p.track_f / (p.l_f + p.l_r) * tyre_angle
 
 
 @scalar
 def contact(x: TwoTrackState, tyre_angle: float, p: TwoTrack) -> Contact:
-    """Forces and steer angles; ``tyre_angle`` = pinion_angle / i_s, from which compliance and roll steer take away."""
+    """Forces and steer angles; compliance and roll steer take from the pinion's ``tyre_angle``."""
     load = wheel_loads(x, p)
     force_fl = side_force(x.slip_fl, load.fl, p.front)
     force_fr = side_force(x.slip_fr, load.fr, p.front)
@@ -133,7 +175,7 @@ def contact(x: TwoTrackState, tyre_angle: float, p: TwoTrack) -> Contact:
 
 @scalar
 def rack_torque_of(c: Contact, tyre_angle: float, p: TwoTrack) -> float:
-    """M_rack in N m at the pinion, by virtual work of both front wheels' moments about their steering axes."""
+    """M_rack in N m at the pinion, by virtual work of both front wheels' steering moments."""
     slope = ackermann_slope(tyre_angle, p)
     left = c.force_fl * (p.mechanical_trail + c.trail_fl) * (1.0 + slope)
     right = c.force_fr * (p.mechanical_trail + c.trail_fr) * (1.0 - slope)
@@ -148,15 +190,17 @@ def rack_torque(x: TwoTrackState, tyre_angle: float, p: TwoTrack) -> float:
 
 @scalar
 def slip_rate(slip: float, steer: float, across: float, along: float, relaxation: float) -> float:
-    """Rate of a relaxed slip in 1/s: sigma a' = -(speed across the wheel plane) - (speed along it) a."""
+    """Rate of a relaxed slip in 1/s: sigma a' = -(speed across the wheel) - (speed along it) a."""
     c = math.cos(steer)
     s = math.sin(steer)
     return (along * s - across * c - (along * c + across * s) * slip) / relaxation
 
 
 @scalar
-def body_rates(x: TwoTrackState, c: Contact, disturbance: float, p: TwoTrack) -> tuple[float, float, float, float]:
-    """Lateral acceleration in m/s2 of the roll axis and of the mass centre, yaw and roll acceleration in rad/s2.
+def body_rates(
+    x: TwoTrackState, c: Contact, disturbance: float, p: TwoTrack
+) -> tuple[float, float, float, float]:
+    """Return lateral acceleration of roll axis and mass centre (m/s2), yaw and roll acceleration.
 
     ``disturbance``: side wind in N at the mass centre.
     """
@@ -165,13 +209,20 @@ def body_rates(x: TwoTrackState, c: Contact, disturbance: float, p: TwoTrack) ->
     lateral_r = (c.force_rl + c.force_rr) * math.cos(c.steer_r)
     along = c.force_fl * math.sin(c.steer_fl) - c.force_fr * math.sin(c.steer_fr)
     along_r = (c.force_rl - c.force_rr) * math.sin(c.steer_r)
-    aligning = c.force_fl * c.trail_fl + c.force_fr * c.trail_fr + c.force_rl * c.trail_rl + c.force_rr * c.trail_rr
+    aligning = (
+        c.force_fl * c.trail_fl
+        + c.force_fr * c.trail_fr
+        + c.force_rl * c.trail_rl
+        + c.force_rr * c.trail_rr
+    )
     moment = p.l_f * (lateral_fl + lateral_fr) - p.l_r * lateral_r - aligning
     moment += _HALF * (p.track_f * along + p.track_r * along_r)
     force = lateral_fl + lateral_fr + lateral_r + disturbance
     coupling = p.m_s * p.roll_arm
     inertia = p.J_x + coupling * p.roll_arm
-    spring = (coupling * GRAVITY - p.c_roll_f - p.c_roll_r) * x.roll - (p.b_roll_f + p.b_roll_r) * x.roll_rate
+    spring = (coupling * GRAVITY - p.c_roll_f - p.c_roll_r) * x.roll - (
+        p.b_roll_f + p.b_roll_r
+    ) * x.roll_rate
     inverse = 1.0 / (p.m * inertia - coupling * coupling)
     axis = (inertia * force + coupling * spring) * inverse
     return axis, force / p.m, moment / p.J_z, (p.m * spring + coupling * force) * inverse
@@ -181,7 +232,10 @@ def body_rates(x: TwoTrackState, c: Contact, disturbance: float, p: TwoTrack) ->
 def two_track_rates(
     x: TwoTrackState, tyre_angle: float, speed: float, disturbance: float, p: TwoTrack
 ) -> tuple[TwoTrackState, float, float]:
-    """(time derivatives, lateral acceleration in m/s2 of the mass centre, M_rack in N m) at a held speed in m/s."""
+    """Return (time derivatives, lateral acceleration of the mass centre in m/s2, M_rack in N m).
+
+    ``speed`` in m/s is held; ``disturbance`` is side wind in N.
+    """
     c = contact(x, tyre_angle, p)
     axis, a_y, yaw_acceleration, roll_acceleration = body_rates(x, c, disturbance, p)
     across_f = x.lateral_speed + p.l_f * x.yaw_rate

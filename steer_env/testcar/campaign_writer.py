@@ -1,4 +1,4 @@
-"""A campaign on disk: one CSV file per run, and campaign.toml, which names them and says what is known of the car."""
+"""A campaign on disk: one CSV file per run, and campaign.toml, which names them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import atomic
-from steer_env.testcar.parameters import TestCar
+from steer_env.testcar.parameters import VirtualCar
 from steer_env.testcar.plan import PlannedRun
 
 SCHEMA_VERSION = 1
-# The paper checks C_f and C_r with slow cornering that was not fitted; everything else the reader splits.
+# The paper checks C_f and C_r with slow cornering that was not fitted; everything else the reader
+# splits.
 ROLES = {"constant_speed_cornering": "validate"}
 
 
@@ -28,12 +29,22 @@ def write_run(path: Path, columns: dict[str, NDArray[np.float64]]) -> None:
     text = io.StringIO()
     formats = ["%.2f" if name == "time_s" else "%.7g" for name in columns]
     header = ",".join(columns)
-    np.savetxt(text, np.column_stack(list(columns.values())), fmt=formats, delimiter=",", header=header, comments="")
+    np.savetxt(
+        text,
+        np.column_stack(list(columns.values())),
+        fmt=formats,
+        delimiter=",",
+        header=header,
+        comments="",
+    )
     atomic.write_text(path, text.getvalue())
 
 
-def campaign_toml(name: str, car: TestCar, runs: list[PlannedRun]) -> str:
-    """Text of campaign.toml. Yaw inertia is the car's design value; nothing else that is identified is given away."""
+def campaign_toml(name: str, car: VirtualCar, runs: list[PlannedRun]) -> str:
+    """Text of campaign.toml.
+
+    Yaw inertia is the car's design value; nothing else that is identified is given away.
+    """
     vehicle, steering = car.vehicle, car.steering
     tables = {
         "vehicle": {

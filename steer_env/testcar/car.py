@@ -1,7 +1,7 @@
-"""Equations of the test vehicle put together: steering, motor and two-track car under constant commands.
+"""Equations of the test vehicle: steering, motor and two-track car under constant commands.
 
-Classical Runge-Kutta for what is smooth. Dahl friction takes its exact value at each stage's own displacement, the
-motor's lag its exact value in time.
+Classical Runge-Kutta for what is smooth. Dahl friction takes its exact value at each stage's own
+displacement, the motor's lag its exact value in time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Mechanics(NamedTuple):
 
 
 class Load(NamedTuple):
-    """What acts on the car during one substep: robot and road torque in N m, side wind in N, speed in m/s."""
+    """Acting during one substep: robot and road torque in N m, side wind in N, speed in m/s."""
 
     robot_torque: float
     road_torque: float
@@ -35,7 +35,7 @@ class Load(NamedTuple):
 
 
 class CarState(NamedTuple):
-    """Motion, car, friction torques in N m, and both parts of the motor's torque in N m at the pinion."""
+    """Motion, car, friction torques and both parts of the motor's torque in N m at the pinion."""
 
     motion: SteeringMotion
     track: TwoTrackState
@@ -47,7 +47,7 @@ class CarState(NamedTuple):
 
 @scalar
 def drifted(x: TwoTrackState, h: float, k: TwoTrackState) -> TwoTrackState:
-    """x + h k."""
+    """Return x + h k."""
     return TwoTrackState(
         x.lateral_speed + h * k.lateral_speed,
         x.yaw_rate + h * k.yaw_rate,
@@ -61,7 +61,9 @@ def drifted(x: TwoTrackState, h: float, k: TwoTrackState) -> TwoTrackState:
 
 
 @scalar
-def mean_drift(k0: TwoTrackState, k1: TwoTrackState, k2: TwoTrackState, k3: TwoTrackState) -> TwoTrackState:
+def mean_drift(
+    k0: TwoTrackState, k1: TwoTrackState, k2: TwoTrackState, k3: TwoTrackState
+) -> TwoTrackState:
     """Slope of a classical Runge-Kutta step from its four slopes."""
     return TwoTrackState(
         rk4_mean(k0.lateral_speed, k1.lateral_speed, k2.lateral_speed, k3.lateral_speed, 1.0),
@@ -91,8 +93,12 @@ def mean_motion(
 @scalar
 def friction_after(x: CarState, q: SteeringMotion, s: Steering) -> tuple[float, float]:
     """Wheel and pinion friction in N m once the motion has gone one way from ``x`` to ``q``."""
-    wheel = dahl_step(x.wheel_friction, q.steering_angle - x.motion.steering_angle, s.M_s_fric, s.c_s_fric)
-    pinion = dahl_step(x.pinion_friction, q.pinion_angle - x.motion.pinion_angle, s.M_fric, s.c_fric)
+    wheel = dahl_step(
+        x.wheel_friction, q.steering_angle - x.motion.steering_angle, s.M_s_fric, s.c_s_fric
+    )
+    pinion = dahl_step(
+        x.pinion_friction, q.pinion_angle - x.motion.pinion_angle, s.M_fric, s.c_fric
+    )
     return wheel, pinion
 
 
@@ -101,18 +107,31 @@ def car_rates(
     x: CarState, q: SteeringMotion, v: TwoTrackState, motor_torque: float, load: Load, p: Mechanics
 ) -> tuple[SteeringMotion, TwoTrackState]:
     """Derivatives at ``q`` and ``v`` reached from ``x``; ``motor_torque`` in N m at the pinion."""
-    rates, _, M_rack = two_track_rates(v, q.pinion_angle * (1.0 / p.vehicle.i_s), load.speed, load.side_force, p.vehicle)
+    rates, _, M_rack = two_track_rates(
+        v, q.pinion_angle * (1.0 / p.vehicle.i_s), load.speed, load.side_force, p.vehicle
+    )
     wheel, pinion = friction_after(x, q, p.steering)
     shaft = motor_torque / p.steering.motor_ratio
     M_load = M_rack + load.road_torque
-    return steering_rates(q, load.robot_torque, wheel, pinion, M_load, shaft, p.J_robot, p.steering), rates
+    return steering_rates(
+        q, load.robot_torque, wheel, pinion, M_load, shaft, p.J_robot, p.steering
+    ), rates
 
 
 @scalar
 def car_step(
-    x: CarState, basic: float, compensation: float, decay_half: float, load: Load, p: Mechanics, h: float
+    x: CarState,
+    basic: float,
+    compensation: float,
+    decay_half: float,
+    load: Load,
+    p: Mechanics,
+    h: float,
 ) -> CarState:
-    """State after h seconds under constant motor commands; ``decay_half`` is what the motor's lag keeps over h/2."""
+    """State after h seconds under constant motor commands in N m at the pinion.
+
+    ``decay_half`` is what the motor's lag keeps over h/2.
+    """
     basic_1 = lag_step(x.basic, basic, decay_half)
     basic_2 = lag_step(basic_1, basic, decay_half)
     compensation_1 = lag_step(x.compensation, compensation, decay_half)
@@ -125,12 +144,19 @@ def car_step(
     k3, t3 = car_rates(x, moved(q, h, k2), drifted(v, h, t2), M2, load, p)
     motion = moved(q, h, mean_motion(k0, k1, k2, k3))
     wheel, pinion = friction_after(x, motion, p.steering)
-    return CarState(motion, drifted(v, h, mean_drift(t0, t1, t2, t3)), wheel, pinion, basic_2, compensation_2)
+    return CarState(
+        motion, drifted(v, h, mean_drift(t0, t1, t2, t3)), wheel, pinion, basic_2, compensation_2
+    )
 
 
 @scalar
 def car_at_rest() -> CarState:
     """Straight ahead, nothing moving but the car."""
     return CarState(
-        SteeringMotion(0.0, 0.0, 0.0, 0.0), TwoTrackState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0
+        SteeringMotion(0.0, 0.0, 0.0, 0.0),
+        TwoTrackState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        0.0,
+        0.0,
+        0.0,
+        0.0,
     )

@@ -8,19 +8,21 @@ from numpy.typing import NDArray
 from steer_env.manoeuvres import MANOEUVRES
 from steer_env.testcar.kernel import machine_at, rollout
 from steer_env.testcar.logger import disturbances, log
-from steer_env.testcar.parameters import TestCar
+from steer_env.testcar.parameters import VirtualCar
 from steer_env.testcar.plan import PlannedRun, robot_target
 from steer_env.units import from_kmh
 
 
 def generator_of(run: PlannedRun, seed: int) -> np.random.Generator:
-    """The run's own random numbers: they depend on the seed and on what is driven, not on what else is driven."""
+    """The run's own random numbers: the same whatever else is driven."""
     manoeuvre = list(MANOEUVRES).index(run.manoeuvre)
     key = (round(1000.0 * run.speed_kmh), manoeuvre, run.number)
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
-def drive(run: PlannedRun, car: TestCar, rng: np.random.Generator | None) -> dict[str, NDArray[np.float64]]:
+def drive(
+    run: PlannedRun, car: VirtualCar, rng: np.random.Generator | None
+) -> dict[str, NDArray[np.float64]]:
     """Columns of the run's file; ``rng`` None: no disturbance, and a clean log."""
     speed = from_kmh(run.speed_kmh)
     target, rate = robot_target(run.manoeuvre, run.amplitude)

@@ -17,8 +17,16 @@ from steer_env.physics.motor import Motor, lag_decay, lag_step, limited_command
 from steer_env.physics.sensors import measured
 from steer_env.physics.steering import torsion_bar_torque
 from steer_env.physics.two_track import TwoTrack, TwoTrackState, two_track_rates
-from steer_env.testcar.car import CarState, Load, Mechanics, car_at_rest, car_step, drifted, mean_drift
-from steer_env.testcar.parameters import Robot, TestCar, UnitSensors
+from steer_env.testcar.car import (
+    CarState,
+    Load,
+    Mechanics,
+    car_at_rest,
+    car_step,
+    drifted,
+    mean_drift,
+)
+from steer_env.testcar.parameters import Robot, UnitSensors, VirtualCar
 
 PERIOD = 1e-3  # s, robot and control unit
 SUBSTEPS = 2
@@ -41,7 +49,14 @@ RECORD = (
     "lateral_acceleration",
     "roll",
 )
-VEHICLE_RECORD = ("lateral_speed", "yaw_rate", "lateral_acceleration", "roll", "rack_torque", "yaw_acceleration")
+VEHICLE_RECORD = (
+    "lateral_speed",
+    "yaw_rate",
+    "lateral_acceleration",
+    "roll",
+    "rack_torque",
+    "yaw_acceleration",
+)
 
 Array = NDArray[np.float64]
 
@@ -56,7 +71,7 @@ class Machine(NamedTuple):
     sensors: UnitSensors
 
 
-def machine_at(speed: float, car: TestCar) -> Machine:
+def machine_at(speed: float, car: VirtualCar) -> Machine:
     """What the test car is at a speed in m/s."""
     mechanics = Mechanics(car.steering, car.vehicle, car.robot.J)
     return Machine(mechanics, law_at(speed, car.calibration), car.motor, car.robot, car.sensors)
@@ -64,9 +79,13 @@ def machine_at(speed: float, car: TestCar) -> Machine:
 
 @scalar
 def servo_torque(target: float, target_rate: float, angle: float, rate: float, p: Robot) -> float:
-    """Torque in N m of the robot's servo: proportional and derivative, with the target's rate fed forward."""
+    """Torque in N m of the robot's servo: proportional, derivative, target rate fed forward."""
     omega = 2.0 * math.pi * p.bandwidth_Hz
-    torque = (p.J + p.wheel_J) * omega * (omega * (target - angle) + 2.0 * p.damping * (target_rate - rate))
+    torque = (
+        (p.J + p.wheel_J)
+        * omega
+        * (omega * (target - angle) + 2.0 * p.damping * (target_rate - rate))
+    )
     return min(max(torque, -p.torque_limit), p.torque_limit)
 
 
@@ -85,11 +104,18 @@ def record_row(row: Array, x: CarState, robot_torque: float, load: Load, p: Mech
 
 @scalar
 def unit_period(
-    k: int, M_tb: float, pinion_angle: float, unit: ControlState, last: float, lines: Array, p: Machine
+    k: int,
+    M_tb: float,
+    pinion_angle: float,
+    unit: ControlState,
+    last: float,
+    lines: Array,
+    p: Machine,
 ) -> tuple[float, float, ControlState, float]:
-    """Period ``k`` of control unit and motor command: (basic assist, compensation) now due, new state, new command.
+    """Period ``k`` of the control unit: (basic assist, compensation) due now, new state, command.
 
-    Both torques in N m at the pinion and before the motor's lag; ``lines`` [2, LONGEST_DEAD_TIME] is the dead time.
+    Both torques in N m at the pinion and before the motor's lag; ``lines`` [2, LONGEST_DEAD_TIME]
+    is the dead time.
     """
     ratio = p.mechanics.steering.motor_ratio
     torque = measured(M_tb, p.sensors.torque_step, 0.0, 0.0)
@@ -103,11 +129,19 @@ def unit_period(
 
 
 @compiled
-def rollout(target: Array, target_rate: Array, road_torque: Array, side_force: Array, speed: float, p: Machine) -> Array:
+def rollout(
+    target: Array,
+    target_rate: Array,
+    road_torque: Array,
+    side_force: Array,
+    speed: float,
+    p: Machine,
+) -> Array:
     """Record [n, len(RECORD)] of one run at PERIOD.
 
-    ``target`` in rad and ``target_rate`` in rad/s [n] are what the robot is asked for, ``road_torque`` in N m at the
-    pinion and ``side_force`` in N [n] are disturbances, ``speed`` in m/s is held.
+    ``target`` in rad and ``target_rate`` in rad/s [n] are what the robot is asked for,
+    ``road_torque`` in N m at the pinion and ``side_force`` in N [n] are disturbances, ``speed`` in
+    m/s is held.
     """
     n = target.size
     record = np.zeros((n, len(RECORD)))
@@ -118,7 +152,9 @@ def rollout(target: Array, target_rate: Array, road_torque: Array, side_force: A
     unit, last = ControlState(0.0, 0.0, 0.0, 0.0, 0.0), 0.0
     for k in range(n):
         q = x.motion
-        robot_torque = servo_torque(target[k], target_rate[k], q.steering_angle, q.steering_rate, p.robot)
+        robot_torque = servo_torque(
+            target[k], target_rate[k], q.steering_angle, q.steering_rate, p.robot
+        )
         load = Load(robot_torque, road_torque[k], side_force[k], speed)
         record_row(record[k], x, robot_torque, load, p.mechanics)
         M_tb = torsion_bar_torque(q, p.mechanics.steering)
@@ -130,7 +166,10 @@ def rollout(target: Array, target_rate: Array, road_torque: Array, side_force: A
 
 @compiled
 def unit_rollout(M_tb: Array, pinion_angle: Array, p: Machine) -> Array:
-    """Delivered basic assist and compensation [n, 2] in N m at the pinion for given torque and angle [n] at PERIOD."""
+    """Delivered basic assist and compensation [n, 2] in N m at the pinion.
+
+    For torsion-bar torque in N m and pinion angle in rad, each [n] at PERIOD.
+    """
     n = M_tb.size
     record = np.zeros((n, 2))
     lines = np.zeros((2, LONGEST_DEAD_TIME))
@@ -138,7 +177,9 @@ def unit_rollout(M_tb: Array, pinion_angle: Array, p: Machine) -> Array:
     unit, last, basic_now, compensation_now = ControlState(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
     for k in range(n):
         record[k, 0], record[k, 1] = basic_now, compensation_now
-        basic, compensation, unit, last = unit_period(k, M_tb[k], pinion_angle[k], unit, last, lines, p)
+        basic, compensation, unit, last = unit_period(
+            k, M_tb[k], pinion_angle[k], unit, last, lines, p
+        )
         basic_now = lag_step(basic_now, basic, decay)
         compensation_now = lag_step(compensation_now, compensation, decay)
     return record

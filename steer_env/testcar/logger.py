@@ -1,7 +1,8 @@
 """The data acquisition: what the sensors of the paper's Table 1 make of a run, at 100 Hz.
 
-Every channel passes the same anti-alias filter (its delay is common, so it drops out of every frequency response), is
-late by its source's latency, gets its own noise and is rounded to its own resolution. Clean logs skip all four.
+Every channel passes the same anti-alias filter (its delay is common, so it drops out of every
+frequency response), is late by its source's latency, gets its own noise and is rounded to its own
+resolution. Clean logs skip all four.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class Channel(NamedTuple):
-    """One logged signal: column, who measures it, noise rms and resolution in the column's unit, latency in s."""
+    """One logged signal: column, who measures it, noise rms and resolution, latency in s."""
 
     column: str
     source: str
@@ -32,9 +33,9 @@ class Channel(NamedTuple):
     latency: float
 
 
-# Sources as in Table 1. Noise, resolution and latency are assumptions of the size that data sheets give: an IMU/GPS unit
-# of the RT3000 class computes for 4 ms; the steering's CAN frame is 6 ms old when it is stamped, the speed frame 8 ms;
-# robot and strain gauges are wired to the acquisition.
+# Sources as in Table 1. Noise, resolution and latency are assumptions of the size that data sheets
+# give: an IMU/GPS unit of the RT3000 class computes for 4 ms; the steering's CAN frame is 6 ms old
+# when it is stamped, the speed frame 8 ms; robot and strain gauges are wired to the acquisition.
 CHANNELS = (
     Channel("steering_angle_rad", "steering robot", 2e-5, 8.7e-5, 0.0),
     Channel("steering_torque_Nm", "steering robot", 0.05, 0.01, 0.0),
@@ -50,7 +51,10 @@ CHANNELS = (
 
 
 def signals(record: Array, speed: float, i_rp: float) -> dict[str, Array]:
-    """The logged quantities [n] at the kernel's period, undisturbed; ``i_rp`` in rad/m turns torque into rack force."""
+    """The logged quantities [n] at the kernel's period, undisturbed.
+
+    ``i_rp`` in rad/m turns rack torque into rack force.
+    """
     column = {name: record[:, k] for k, name in enumerate(RECORD)}
     return {
         "steering_angle_rad": column["steering_angle"],
@@ -66,7 +70,9 @@ def signals(record: Array, speed: float, i_rp: float) -> dict[str, Array]:
     }
 
 
-def log(record: Array, speed: float, i_rp: float, rng: np.random.Generator | None) -> dict[str, Array]:
+def log(
+    record: Array, speed: float, i_rp: float, rng: np.random.Generator | None
+) -> dict[str, Array]:
     """Columns of a run's file: time_s and CHANNELS, each [n_log]. ``rng`` None: a clean log."""
     true = signals(record, speed, i_rp)
     every = round(LOG_PERIOD / PERIOD)
@@ -86,14 +92,17 @@ def log(record: Array, speed: float, i_rp: float, rng: np.random.Generator | Non
 
 
 def disturbances(n: int, p: Disturbance, rng: np.random.Generator | None) -> tuple[Array, Array]:
-    """(road torque in N m at the pinion, side wind in N), each [n] at the kernel's period; zero without ``rng``."""
+    """Return (road torque in N m at the pinion, side wind in N), [n] at the kernel's period.
+
+    Zero without ``rng``.
+    """
     if rng is None:
         return np.zeros(n), np.zeros(n)
     return _coloured(n, p.road_torque, p.road_Hz, rng), _coloured(n, p.side_force, p.side_Hz, rng)
 
 
 def _coloured(n: int, rms: float, bandwidth_Hz: float, rng: np.random.Generator) -> Array:
-    """First-order filtered white noise [n] with a given rms, in its steady state from the first sample."""
+    """First-order filtered white noise [n] of a given rms, in its steady state from the start."""
     keep = float(np.exp(-2.0 * np.pi * bandwidth_Hz * PERIOD))
     white = rng.standard_normal(n) * rms * np.sqrt(1.0 - keep * keep)
     filtered, _ = lfilter([1.0], [1.0, -keep], white, zi=[keep * rms * rng.standard_normal()])

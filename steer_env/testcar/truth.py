@@ -1,20 +1,24 @@
 """What an identification should find: linear parameters derived from the test car's own equations.
 
-The car is richer than the model that is fitted, so each number is a projection, and this file is its definition:
+The car is richer than the model that is fitted, so each number is a projection, defined here:
 
-C_f, C_r   axle force over axle slip, first harmonic of a 0.2 Hz sine of the pinion at the sweep's amplitude. Forces are
-           what the single track needs for the same motion ((l_r m a_y + J_z r')/L and so on), slips are what it sees
-           from the pinion (angle / i_s, before compliance, roll steer and Ackermann). Tyre curvature and load transfer
-           make them fall by about two per cent from small motion to the driven amplitude; both are given.
-n_t        M_rack i_s over that front force, same sine.
-sigma_f, sigma_r   distance by which M_rack and the rear force lag behind those slips, mean over 0.2 to 3 Hz, small motion.
-J_z        the car's own.      c_pin_on   |M_rack / pinion angle| of the same sine.
-J_ref, b_ref   least squares of J s2 + b s to J_pin s2 + b_pin s minus what the control unit's damping and inertia
-           compensation deliver (with filters, dead time and lag), over 0.2 to 5 Hz.
-k_gain     least squares of delivered basic assist to torsion-bar torque over the driven sweep, without noise.
-c_pin_off  r c_pin_on, with r the off-centre ratio of the smooth law that fits the stored table over the driven torque.
-M_fric_C   level of the Dahl friction (with the hardware's c_fric) that fits hardware friction minus delivered friction
-           compensation over the driven 0.2 Hz sine.
+C_f, C_r: axle force over axle slip, first harmonic of a 0.2 Hz sine of the pinion at the
+    sweep's amplitude. Forces are what the single track needs for the same motion,
+    (l_r m a_y + J_z r')/L and so on; slips are what it sees from the pinion (angle / i_s, before
+    compliance, roll steer and Ackermann). Tyre curvature and load transfer make them fall by one to
+    three per cent from small motion to the driven amplitude; both are given.
+n_t: M_rack i_s over that front force, same sine.
+sigma_f, sigma_r: distance by which M_rack and the rear force lag behind those slips, mean over 0.2
+    to 3 Hz, small motion.
+J_z: the car's own.
+c_pin_on: |M_rack / pinion angle| of the same sine.
+J_ref, b_ref: least squares of J s2 + b s to J_pin s2 + b_pin s minus what the control unit's
+    damping and inertia compensation deliver (with filters, dead time and lag), over 0.2 to 5 Hz.
+k_gain: least squares of delivered basic assist to torsion-bar torque over the driven sweep.
+c_pin_off: r c_pin_on, with r the off-centre ratio of the smooth law that fits the stored table over
+    the driven torque.
+M_fric_C: level of the Dahl friction (with the hardware's c_fric) that fits hardware friction minus
+    delivered friction compensation over the driven 0.2 Hz sine.
 """
 
 from __future__ import annotations
@@ -38,7 +42,7 @@ from steer_env.testcar.kernel import (
     unit_rollout,
     vehicle_rollout,
 )
-from steer_env.testcar.parameters import TestCar
+from steer_env.testcar.parameters import VirtualCar
 from steer_env.testcar.plan import robot_target
 from steer_env.units import from_kmh
 
@@ -52,7 +56,7 @@ Array = NDArray[np.float64]
 
 
 class Harmonics(NamedTuple):
-    """Complex amplitudes at one frequency of a sine-driven car; SI, slips and forces as the single track sees them."""
+    """Complex amplitudes at one frequency; SI, slips and forces as the single track sees them."""
 
     pinion_angle: complex
     yaw_rate: complex
@@ -66,19 +70,21 @@ class Harmonics(NamedTuple):
 
 
 def harmonic(x: Array, t: Array, frequency_Hz: float) -> complex:
-    """Complex amplitude of the sine of a frequency in Hz in ``x`` [n] over whole periods of ``t`` [n]."""
+    """Complex amplitude of a sine of a frequency in Hz in ``x`` [n] over whole periods of ``t``."""
     return complex(2j * np.mean(x * np.exp(-2j * np.pi * frequency_Hz * t)))
 
 
 def car_harmonics(speed: float, amplitude: float, frequency_Hz: float, p: TwoTrack) -> Harmonics:
-    """Steady response of the car alone to a pinion sine of an amplitude in rad, at a speed in m/s."""
+    """Steady response of the car alone to a pinion sine in rad, at a speed in m/s."""
     periods = max(2, round(2.0 * frequency_Hz))
     window = round(periods / frequency_Hz / PERIOD)
     t = (np.arange(round(SETTLE / PERIOD) + window)) * PERIOD
     angle = amplitude * np.sin(2.0 * np.pi * frequency_Hz * t)
     record = vehicle_rollout(angle, speed, p)[-window:]
     time = t[-window:]
-    column = {name: harmonic(record[:, k], time, frequency_Hz) for k, name in enumerate(VEHICLE_RECORD)}
+    column = {
+        name: harmonic(record[:, k], time, frequency_Hz) for k, name in enumerate(VEHICLE_RECORD)
+    }
     pinion = harmonic(angle[-window:], time, frequency_Hz)
     a_y, r, v_y = column["lateral_acceleration"], column["yaw_rate"], column["lateral_speed"]
     moment = p.J_z * column["yaw_acceleration"]
@@ -121,13 +127,13 @@ def _ratio(force: complex, slip: complex) -> float:
 
 
 def _lag(force: complex, slip: complex, frequency_Hz: float) -> float:
-    """Time constant in s of a first-order lag from slip to force: sigma/v with F (1 + s sigma/v) = C a."""
+    """Time constant sigma/v in s of a first-order lag from slip to force."""
     inverse = slip / force
     return float(np.imag(inverse) / np.real(inverse) / (2.0 * np.pi * frequency_Hz))
 
 
 def reference_truth(machine: Machine) -> tuple[float, float]:
-    """(J_ref in kg m2, b_ref in N m s/rad): see the definition above. Friction compensation is switched off."""
+    """Return (J_ref in kg m2, b_ref in N m s/rad); friction compensation is switched off for it."""
     quiet = machine._replace(law=machine.law._replace(friction_compensation=0.0))
     steering = machine.mechanics.steering
     J = b = weight_J = weight_b = 0.0
@@ -148,14 +154,18 @@ def reference_truth(machine: Machine) -> tuple[float, float]:
 
 
 def off_centre_ratio(machine: Machine, largest_torque: float, width: float) -> float:
-    """r of the smooth law nearest to the stored table, for torsion-bar torques up to ``largest_torque`` in N m."""
+    """Ratio r of the smooth law nearest to the table, up to ``largest_torque`` in N m."""
     torque = np.linspace(0.02, largest_torque, 200)
     table = np.array([boost_torque(M, machine.law.knots) for M in torque])
 
     def error(r: float) -> float:
-        return sum((smooth_boost(M, r, width) - held) ** 2 for M, held in zip(torque, table, strict=True))
+        return sum(
+            (smooth_boost(M, r, width) - held) ** 2 for M, held in zip(torque, table, strict=True)
+        )
 
-    return float(minimize_scalar(error, bounds=(0.005, 0.95), method="bounded", options={"xatol": 1e-7}).x)
+    return float(
+        minimize_scalar(error, bounds=(0.005, 0.95), method="bounded", options={"xatol": 1e-7}).x
+    )
 
 
 def friction_truth(record: Array, machine: Machine) -> float:
@@ -176,18 +186,29 @@ def friction_truth(record: Array, machine: Machine) -> float:
             shape[k + 1] = torque
         return float(np.mean((shape[half:] - net[half:]) ** 2))
 
-    return float(minimize_scalar(error, bounds=(0.05, 8.0), method="bounded", options={"xatol": 1e-4}).x)
+    return float(
+        minimize_scalar(error, bounds=(0.05, 8.0), method="bounded", options={"xatol": 1e-4}).x
+    )
 
 
-def truth_at(speed_kmh: float, sine: float, sweep: float, car: TestCar) -> dict[str, object]:
-    """The true row of one speed; ``sine`` and ``sweep`` are the driven wheel-angle amplitudes in rad."""
+def truth_at(speed_kmh: float, sine: float, sweep: float, car: VirtualCar) -> dict[str, object]:
+    """True row of one speed; ``sine`` and ``sweep`` are driven wheel-angle amplitudes in rad."""
     speed = from_kmh(speed_kmh)
     machine = machine_at(speed, car)
-    swept, steady = _driven("frequency_response", sweep, speed, machine), _driven("steady_state", sine, speed, machine)
-    M_tb, basic = swept[:, RECORD.index("torsion_bar_torque")], swept[:, RECORD.index("basic_assist")]
+    swept, steady = (
+        _driven("frequency_response", sweep, speed, machine),
+        _driven("steady_state", sine, speed, machine),
+    )
+    M_tb, basic = (
+        swept[:, RECORD.index("torsion_bar_torque")],
+        swept[:, RECORD.index("basic_assist")],
+    )
     pinion = steady[:, RECORD.index("pinion_angle")]
     share = sweep / sine
-    small, row = vehicle_truth(speed, SMALL, car.vehicle), vehicle_truth(speed, share * pinion.max(), car.vehicle)
+    small, row = (
+        vehicle_truth(speed, SMALL, car.vehicle),
+        vehicle_truth(speed, share * pinion.max(), car.vehicle),
+    )
     J_ref, b_ref = reference_truth(machine)
     largest = float(np.abs(steady[:, RECORD.index("torsion_bar_torque")]).max())
     width = car.calibration.on_centre_width
