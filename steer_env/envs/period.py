@@ -10,7 +10,6 @@ from steer_env.envs.layout import (
     PERIOD,
     STATE,
     SUBSTEPS,
-    CarSpread,
     Clock,
     Episode,
     Truth,
@@ -28,7 +27,6 @@ from steer_env.physics.reference import (
     reference_load,
     single_track_of,
 )
-from steer_env.physics.rows import fixed_tuple
 from steer_env.physics.sensors import measured
 from steer_env.physics.steering import torsion_bar_torque
 from steer_env.physics.vehicle import lateral_acceleration
@@ -38,6 +36,10 @@ RATE_LIMIT = 40.0  # rad/s: twice what a steering robot does, so the wheel has b
 TORQUE_LIMIT = 60.0
 PART_LIMIT = 10.0  # no part of the reward costs more than this in one period
 N_REFERENCE = len(ReferenceParameters._fields)
+REFERENCE, CAR = STATE["reference"].start, STATE["car"].start
+CAR_M, CAR_J_Z = STATE.column("car", "m"), STATE.column("car", "J_z")
+CAR_C_F, CAR_C_R = STATE.column("car", "C_f"), STATE.column("car", "C_r")
+CAR_N_T = STATE.column("car", "n_t")
 
 _steering = PARAMETERS.loader("steering")
 _motor = PARAMETERS.loader("motor")
@@ -54,13 +56,16 @@ _load_generator, _store_generator = STATE.loader("generator"), STATE.storer("gen
 _load_judge, _store_judge = STATE.loader("judge"), STATE.storer("judge")
 _load_commands, _store_commands = STATE.loader("commands"), STATE.storer("commands")
 _load_clock, _store_clock = STATE.loader("clock"), STATE.storer("clock")
-_load_reference, _store_reference = STATE.loader("reference"), STATE.storer("reference")
-_load_car, _store_car = STATE.loader("car"), STATE.storer("car")
+_load_reference = STATE.loader("reference")
+_load_car = STATE.loader("car")
 
 
 @scalar
-def row_at(speed: float, table: Any) -> ReferenceParameters:
-    """Reference at a speed in m/s from a table [n, 1 + n_fields]; held beyond its ends."""
+def _row_at(speed: float, table: Any, s_row: Any, start: int) -> None:
+    """Write the parameters at a speed in m/s from a table [n, 1 + n_fields] to s_row[start:].
+
+    Straight between the table's rows, held beyond its ends.
+    """
     last = table.shape[0] - 1
     low = 0
     while low < last - 1 and table[low + 1, 0] <= speed:
@@ -68,69 +73,22 @@ def row_at(speed: float, table: Any) -> ReferenceParameters:
     high = min(low + 1, last)
     span = table[high, 0] - table[low, 0]
     share = 0.0 if span <= 0.0 else min(max((speed - table[low, 0]) / span, 0.0), 1.0)
-    lower = ReferenceParameters(*fixed_tuple(table[low, 1:], N_REFERENCE))
-    upper = ReferenceParameters(*fixed_tuple(table[high, 1:], N_REFERENCE))
-    return _blend(lower, upper, share)
-
-
-@scalar
-def _blend(a: ReferenceParameters, b: ReferenceParameters, share: float) -> ReferenceParameters:
-    return ReferenceParameters(
-        a.J_ref + share * (b.J_ref - a.J_ref),
-        a.b_ref + share * (b.b_ref - a.b_ref),
-        a.k_gain + share * (b.k_gain - a.k_gain),
-        a.M_fric_C + share * (b.M_fric_C - a.M_fric_C),
-        a.c_fric + share * (b.c_fric - a.c_fric),
-        a.r + share * (b.r - a.r),
-        a.sigma + share * (b.sigma - a.sigma),
-        a.c_extra + share * (b.c_extra - a.c_extra),
-        a.relaxed,
-        a.linear,
-        a.m,
-        a.l_f,
-        a.l_r,
-        a.J_z + share * (b.J_z - a.J_z),
-        a.C_f + share * (b.C_f - a.C_f),
-        a.C_r + share * (b.C_r - a.C_r),
-        a.sigma_f + share * (b.sigma_f - a.sigma_f),
-        a.sigma_r + share * (b.sigma_r - a.sigma_r),
-        a.n_t + share * (b.n_t - a.n_t),
-        a.i_s,
-    )
-
-
-@scalar
-def car_behind(row: ReferenceParameters, spread: CarSpread) -> ReferenceParameters:
-    """The car that loads the rack: the identified one with its spread, in its vehicle fields."""
-    return ReferenceParameters(
-        row.J_ref,
-        row.b_ref,
-        row.k_gain,
-        row.M_fric_C,
-        row.c_fric,
-        row.r,
-        row.sigma,
-        row.c_extra,
-        row.relaxed,
-        row.linear,
-        row.m * spread.mass,
-        row.l_f,
-        row.l_r,
-        row.J_z * spread.mass,
-        row.C_f * spread.grip,
-        row.C_r * spread.grip,
-        row.sigma_f,
-        row.sigma_r,
-        row.n_t * spread.trail,
-        row.i_s,
-    )
+    for j in range(N_REFERENCE):
+        below = table[low, 1 + j]
+        s_row[start + j] = below + share * (table[high, 1 + j] - below)
 
 
 @scalar
 def set_speed(speed: float, p_row: Any, s_row: Any, table: Any, car_table: Any) -> None:
     """Put the reference and the car of a speed in m/s into the state row."""
-    _store_reference(s_row, row_at(speed, table))
-    _store_car(s_row, car_behind(row_at(speed, car_table), _car_spread(p_row)))
+    _row_at(speed, table, s_row, REFERENCE)
+    _row_at(speed, car_table, s_row, CAR)
+    spread = _car_spread(p_row)
+    s_row[CAR_M] *= spread.mass
+    s_row[CAR_J_Z] *= spread.mass
+    s_row[CAR_C_F] *= spread.grip
+    s_row[CAR_C_R] *= spread.grip
+    s_row[CAR_N_T] *= spread.trail
 
 
 @scalar
