@@ -24,7 +24,7 @@ def run_file(run: PlannedRun) -> str:
     return f"runs/{run.name}.csv"
 
 
-def write_run(path: Path, columns: dict[str, NDArray[np.float64]]) -> None:
+def write_run(path: Path, columns: dict[str, NDArray[np.floating]]) -> None:
     """Write a run's columns, each [n], as CSV; the file appears whole or not at all."""
     text = io.StringIO()
     formats = ["%.2f" if name == "time_s" else "%.7g" for name in columns]

@@ -22,7 +22,7 @@ def generator_of(run: PlannedRun, seed: int) -> np.random.Generator:
 
 def drive(
     run: PlannedRun, car: VirtualCar, rng: np.random.Generator | None
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, NDArray[np.floating]]:
     """Columns of the run's file; ``rng`` None: no disturbance, and a clean log."""
     speed = from_kmh(run.speed_kmh)
     target, rate = robot_target(run.manoeuvre, run.amplitude)

@@ -16,15 +16,13 @@ from steer_env.physics.boost_map import ControlLaw, ControlState, control_step, 
 from steer_env.physics.motor import Motor, lag_decay, lag_step, limited_command
 from steer_env.physics.sensors import measured
 from steer_env.physics.steering import torsion_bar_torque
-from steer_env.physics.two_track import TwoTrack, TwoTrackState, two_track_rates
+from steer_env.physics.two_track import two_track_rates
 from steer_env.testcar.car import (
     CarState,
     Load,
     Mechanics,
     car_at_rest,
     car_step,
-    drifted,
-    mean_drift,
 )
 from steer_env.testcar.parameters import Robot, UnitSensors, VirtualCar
 
@@ -49,16 +47,8 @@ RECORD = (
     "lateral_acceleration",
     "roll",
 )
-VEHICLE_RECORD = (
-    "lateral_speed",
-    "yaw_rate",
-    "lateral_acceleration",
-    "roll",
-    "rack_torque",
-    "yaw_acceleration",
-)
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 
 class Machine(NamedTuple):
@@ -182,28 +172,4 @@ def unit_rollout(M_tb: Array, pinion_angle: Array, p: Machine) -> Array:
         )
         basic_now = lag_step(basic_now, basic, decay)
         compensation_now = lag_step(compensation_now, compensation, decay)
-    return record
-
-
-@compiled
-def vehicle_rollout(pinion_angle: Array, speed: float, p: TwoTrack) -> Array:
-    """Record [n, len(VEHICLE_RECORD)] of the car alone, led by a pinion angle in rad [n] at PERIOD.
-
-    The angle is taken as straight between samples; one Runge-Kutta step per period.
-    """
-    n = pinion_angle.size
-    record = np.zeros((n, len(VEHICLE_RECORD)))
-    x = TwoTrackState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    per_ratio = 1.0 / p.i_s
-    for k in range(n):
-        a0 = pinion_angle[k] * per_ratio
-        a2 = pinion_angle[min(k + 1, n - 1)] * per_ratio
-        a1 = 0.5 * (a0 + a2)
-        k0, a_y, M_rack = two_track_rates(x, a0, speed, 0.0, p)
-        record[k, 0], record[k, 1], record[k, 2] = x.lateral_speed, x.yaw_rate, a_y
-        record[k, 3], record[k, 4], record[k, 5] = x.roll, M_rack, k0.yaw_rate
-        k1, _, _ = two_track_rates(drifted(x, 0.5 * PERIOD, k0), a1, speed, 0.0, p)
-        k2, _, _ = two_track_rates(drifted(x, 0.5 * PERIOD, k1), a1, speed, 0.0, p)
-        k3, _, _ = two_track_rates(drifted(x, PERIOD, k2), a2, speed, 0.0, p)
-        x = drifted(x, PERIOD, mean_drift(k0, k1, k2, k3))
     return record

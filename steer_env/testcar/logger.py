@@ -20,7 +20,7 @@ LOG_PERIOD = 0.01  # s, paper section 2
 ANTI_ALIAS_HZ = 40.0
 ANTI_ALIAS_ORDER = 4
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 
 class Channel(NamedTuple):
@@ -77,7 +77,7 @@ def log(
     true = signals(record, speed, i_rp)
     every = round(LOG_PERIOD / PERIOD)
     stamp = np.arange(0, len(record), every) * PERIOD
-    columns = {"time_s": stamp}
+    columns: dict[str, Array] = {"time_s": stamp}
     if rng is None:
         return columns | {channel.column: true[channel.column][::every] for channel in CHANNELS}
     fine = np.arange(len(record)) * PERIOD

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from steer_env.physics.boost_map import Calibration
 from steer_env.physics.motor import Motor
 from steer_env.physics.steering import Steering
-from steer_env.physics.two_track import TwoTrack
+from steer_env.physics.two_track_parameters import TwoTrack
 from steer_env.units import Quantity
 
 

@@ -32,7 +32,7 @@ FADE = 0.4
 TRIALS = 3
 TRIAL_TIME = 8.0  # s: the second half of it holds both peaks of the sine
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 
 class PlannedRun(NamedTuple):
@@ -98,7 +98,7 @@ def sine_amplitude(speed_kmh: float, car: VirtualCar) -> float:
         quiet = np.zeros_like(angle)
         record = rollout(angle, rate, quiet, quiet, speed, machine)
         settled = record[len(record) // 2 :, RECORD.index("lateral_acceleration")]
-        amplitude *= wanted / (0.5 * np.ptp(settled))
+        amplitude *= wanted / float(0.5 * np.ptp(settled))
     return amplitude
 
 

@@ -23,24 +23,21 @@ M_fric_C: level of the Dahl friction (with the hardware's c_fric) that fits hard
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from steer_env.physics.boost_map import boost_torque, smooth_boost
 from steer_env.physics.friction import dahl_step
-from steer_env.physics.two_track import TwoTrack
+from steer_env.physics.two_track_parameters import TwoTrack
+from steer_env.testcar.harmonics import car_harmonics, harmonic
 from steer_env.testcar.kernel import (
     PERIOD,
     RECORD,
-    VEHICLE_RECORD,
     Machine,
     machine_at,
     rollout,
     unit_rollout,
-    vehicle_rollout,
 )
 from steer_env.testcar.parameters import VirtualCar
 from steer_env.testcar.plan import robot_target
@@ -50,56 +47,8 @@ SMALL = 1e-3  # rad of pinion amplitude that counts as small motion
 BASE_HZ = 0.2
 BAND_HZ = np.linspace(0.2, 5.0, 25)
 LAG_HZ = np.linspace(0.2, 3.0, 8)
-SETTLE = 6.0  # s before a harmonic is taken
 
-Array = NDArray[np.float64]
-
-
-class Harmonics(NamedTuple):
-    """Complex amplitudes at one frequency; SI, slips and forces as the single track sees them."""
-
-    pinion_angle: complex
-    yaw_rate: complex
-    lateral_acceleration: complex
-    lateral_speed: complex
-    rack_torque: complex
-    front_force: complex
-    rear_force: complex
-    front_slip: complex
-    rear_slip: complex
-
-
-def harmonic(x: Array, t: Array, frequency_Hz: float) -> complex:
-    """Complex amplitude of a sine of a frequency in Hz in ``x`` [n] over whole periods of ``t``."""
-    return complex(2j * np.mean(x * np.exp(-2j * np.pi * frequency_Hz * t)))
-
-
-def car_harmonics(speed: float, amplitude: float, frequency_Hz: float, p: TwoTrack) -> Harmonics:
-    """Steady response of the car alone to a pinion sine in rad, at a speed in m/s."""
-    periods = max(2, round(2.0 * frequency_Hz))
-    window = round(periods / frequency_Hz / PERIOD)
-    t = (np.arange(round(SETTLE / PERIOD) + window)) * PERIOD
-    angle = amplitude * np.sin(2.0 * np.pi * frequency_Hz * t)
-    record = vehicle_rollout(angle, speed, p)[-window:]
-    time = t[-window:]
-    column = {
-        name: harmonic(record[:, k], time, frequency_Hz) for k, name in enumerate(VEHICLE_RECORD)
-    }
-    pinion = harmonic(angle[-window:], time, frequency_Hz)
-    a_y, r, v_y = column["lateral_acceleration"], column["yaw_rate"], column["lateral_speed"]
-    moment = p.J_z * column["yaw_acceleration"]
-    per_length = 1.0 / (p.l_f + p.l_r)
-    return Harmonics(
-        pinion,
-        r,
-        a_y,
-        v_y,
-        column["rack_torque"],
-        (p.l_r * p.m * a_y + moment) * per_length,
-        (p.l_f * p.m * a_y - moment) * per_length,
-        pinion / p.i_s - (v_y + p.l_f * r) / speed,
-        (p.l_r * r - v_y) / speed,
-    )
+Array = NDArray[np.floating]
 
 
 def vehicle_truth(speed: float, amplitude: float, p: TwoTrack) -> dict[str, float]:

@@ -7,12 +7,12 @@ from steer_env.physics.boost_map import smooth_boost
 from steer_env.physics.friction import dahl_step
 from steer_env.physics.linear import frequency_response, single_track_matrices
 from steer_env.physics.vehicle import SingleTrack
+from steer_env.testcar.harmonics import car_harmonics
 from steer_env.testcar.kernel import PERIOD, RECORD, machine_at, rollout
 from steer_env.testcar.parameters import VirtualCar
 from steer_env.testcar.plan import SPEEDS_KMH, robot_target
 from steer_env.testcar.truth import (
     SMALL,
-    car_harmonics,
     friction_truth,
     off_centre_ratio,
     reference_truth,

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from steer_env.physics.linear import frequency_response, single_track_matrices
-from steer_env.physics.two_track import TwoTrack, TwoTrackState, two_track_rates, wheel_loads
+from steer_env.physics.two_track import TwoTrackState, two_track_rates, wheel_loads
+from steer_env.physics.two_track_parameters import TwoTrack
 from steer_env.physics.tyre import Tyre, cornering_stiffness
 from steer_env.physics.vehicle import SingleTrack, SingleTrackState, single_track_rates
-from steer_env.testcar.kernel import VEHICLE_RECORD, vehicle_rollout
-from steer_env.testcar.truth import car_harmonics
+from steer_env.testcar.harmonics import VEHICLE_RECORD, car_harmonics, vehicle_rollout
 from steer_env.units import GRAVITY
 
 CAR = TwoTrack()
