@@ -20,7 +20,7 @@ from identification.campaign import Run
 from identification.frf import Floats
 from identification.motion import BandLimited, band_filter, band_limited
 from identification.stages import Scores, Values
-from identification.torque import SETTLE_S, VEHICLE_PARAMETERS, block_scores, rack_torque
+from identification.torque import SETTLE_S, VEHICLE_PARAMETERS, block_scores, friction_of, rack_torque
 from steer_env.physics._jit import compiled
 from steer_env.physics.assist import assist
 from steer_env.physics.friction import dahl_step
@@ -110,7 +110,7 @@ class ForwardMisfit:
         """[sum of kept samples] in N m: measured minus simulated."""
         parts = []
         for run, inputs, kernel in zip(self.runs, self.inputs(values), self._filters, strict=True):
-            error = inputs.M_tb - self.simulate(inputs, run.dt, values)
+            error = inputs.M_tb - self.simulate(inputs, run.dt, friction_of(run, values))
             kept = fftconvolve(error, kernel, mode="same")[inputs.keep]
             parts.append(kept - kept.mean())
         return np.concatenate(parts)

@@ -80,13 +80,6 @@ class FrequencyResponse:
         return np.abs(self.value)
 
     @property
-    def variance(self) -> Floats:
-        """Variance of the complex value [n] from the scatter of its clusters."""
-        n = self.deviation.shape[0]
-        scatter: Floats = (np.abs(self.deviation) ** 2).sum(axis=0) * n / (n - 1)
-        return scatter
-
-    @property
     def static_gain(self) -> float:
         """|H| at the lowest kept frequency, about 0.2 Hz: the normalisation of Eqs. 8 and 11.
 
@@ -97,12 +90,9 @@ class FrequencyResponse:
         return float(max(self.magnitude[0], 0.25 * self.magnitude.max()))
 
     @property
-    def scatter(self) -> Floats:
+    def standard_error(self) -> Floats:
         """Standard deviation of the complex value [n], the variance averaged over five neighbouring points."""
-        width = min(5, self.value.size)
-        padded = np.pad(self.variance, (width // 2, (width - 1) // 2), mode="edge")
-        smooth: Floats = np.sqrt(np.convolve(padded, np.ones(width) / width, mode="valid"))
-        return smooth
+        return np.sqrt(smoothed(scatter(self.deviation)))
 
     def average(self, lines: Complexes) -> Complexes:
         """Average a model's H at ``line_frequency`` [n, 3] exactly as the measured one was averaged: [n]."""
@@ -139,23 +129,23 @@ def spectra(runs: Sequence[Recording], channels: Sequence[str]) -> Spectra:
 
 
 def frequency_response(
-    data: Spectra, instrument: str, u: Complexes | str, y: Complexes | str, name: str, keep_all: bool = False
+    data: Spectra, instrument: str, u: Complexes | str, y: Complexes | str, name: str
 ) -> FrequencyResponse:
     """H_uy by Eq. 5. ``u`` and ``y`` are channels, or spectra [n_runs, n_lines] made from them (a derivative)."""
-    D = _groups(data.lines[instrument])
-    U = _groups(data.lines[u] if isinstance(u, str) else u)
-    Y = _groups(data.lines[y] if isinstance(y, str) else y)
-    frequency = _groups(data.frequency[None, :])[0]
+    D = groups(data.lines[instrument])
+    U = groups(data.lines[u] if isinstance(u, str) else u)
+    Y = groups(data.lines[y] if isinstance(y, str) else y)
+    frequency = groups(data.frequency[None, :])[0]
     S_du, S_dy = np.conj(D) * U, np.conj(D) * Y
     total = S_du.sum(axis=(0, 2))
     value = S_dy.sum(axis=(0, 2)) / total
     deviation = _deviation(S_dy - value[None, :, None] * S_du) / total
-    coherence = np.minimum(_coherence(D, U), _coherence(D, Y))
-    keep = np.ones(value.size, bool) if keep_all else coherence > MIN_COHERENCE
+    gamma = np.minimum(coherence(D, U), coherence(D, Y))
+    keep = gamma > MIN_COHERENCE
     centre = frequency.mean(axis=1)
     return FrequencyResponse(
-        name, np.flatnonzero(keep), centre[keep], value[keep], coherence[keep], deviation[:, keep],
-        frequency[keep], S_du.sum(axis=0)[keep], centre, value, coherence,
+        name, np.flatnonzero(keep), centre[keep], value[keep], gamma[keep], deviation[:, keep],
+        frequency[keep], S_du.sum(axis=0)[keep], centre, value, gamma,
     )  # fmt: skip
 
 
@@ -197,14 +187,31 @@ def _windowed(signal: Floats, window: Floats | None) -> Floats:
     return signal if window is None else (signal - signal.mean()) * window
 
 
-def _groups(lines: NDArray) -> NDArray:
+def groups(lines: NDArray) -> NDArray:
     """[n_runs, n_lines] as [n_runs, n_groups, 3] neighbouring lines."""
     n = lines.shape[1] // NEIGHBOURS
     return lines[:, : n * NEIGHBOURS].reshape(lines.shape[0], n, NEIGHBOURS)
 
 
-def _coherence(D: Complexes, X: Complexes) -> Floats:
-    """Gamma of Eq. 5 over runs and neighbouring lines."""
+def scatter(deviation: Complexes) -> Floats:
+    """Variance of a mean from the shares of its clusters in the error, [n_clusters, n] to [n]."""
+    n = deviation.shape[0]
+    variance: Floats = (np.abs(deviation) ** 2).sum(axis=0) * n / max(n - 1, 1)
+    return variance
+
+
+def smoothed(variance: Floats) -> Floats:
+    """Variance [n] averaged over five neighbouring points: few runs tell little about a single one."""
+    width = min(5, variance.size)
+    if width == 0:
+        return variance
+    padded = np.pad(variance, (width // 2, (width - 1) // 2), mode="edge")
+    mean: Floats = np.convolve(padded, np.ones(width) / width, mode="valid")
+    return mean
+
+
+def coherence(D: Complexes, X: Complexes) -> Floats:
+    """Gamma of Eq. 5 [n] from groups [n_runs, n, 3]: over runs and neighbouring lines."""
     cross = np.abs((np.conj(D) * X).sum(axis=(0, 2)))
     power = (np.abs(D) ** 2).sum(axis=(0, 2)) * (np.abs(X) ** 2).sum(axis=(0, 2))
     gamma: Floats = cross / np.sqrt(np.maximum(power, np.finfo(float).tiny))

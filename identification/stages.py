@@ -77,39 +77,6 @@ class ResponseTerm:
         )
 
 
-@dataclass(frozen=True)
-class WeightedTerm:
-    """The same comparison in the complex plane, each point weighed by how well it is known.
-
-    Errors are divided by the scatter of the point and a floor of 1 % of the response together: noise-free or highly
-    coherent points then count alike, and no single one rules the fit.
-    """
-
-    response: FrequencyResponse
-    model: Model
-    key: object
-    floor: float = 0.01
-
-    def uses(self, name: str) -> bool:
-        """As ResponseTerm."""
-        return True
-
-    def residual(self, values: Values) -> Floats:
-        """[2 n]: real parts, then imaginary parts."""
-        H = self.response.average(self.model(values, self.response))
-        error = (H - self.response.value) / self._size()
-        return np.concatenate([error.real, error.imag])
-
-    def scores(self, jacobian: Floats, values: Values) -> Scores:
-        """As ResponseTerm."""
-        error = -self.response.deviation / self._size()
-        return _scores_of(self.response, self.key, error.real, error.imag, jacobian)
-
-    def _size(self) -> Floats:
-        size: Floats = np.hypot(self.response.scatter, self.floor * self.response.magnitude)
-        return size
-
-
 def _scores_of(response: FrequencyResponse, key: object, first: Floats, second: Floats, jacobian: Floats) -> Scores:
     """Scores by (key, run, point) from the two halves [n_clusters, n] of the residual's deviation."""
     count, n = first.shape

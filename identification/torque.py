@@ -93,8 +93,9 @@ class TorqueMisfit:
     def residual(self, values: Values) -> Floats:
         """[sum of kept samples] in N m: measured minus predicted, band-limited, without its mean."""
         parts = []
-        for prepared, kernel in zip(self.prepared(values), self._filters, strict=True):
-            error = fftconvolve(prepared.M_tb - self.predict(prepared, values), kernel, mode="same")[prepared.keep]
+        for run, prepared, kernel in zip(self.runs, self.prepared(values), self._filters, strict=True):
+            predicted = self.predict(prepared, friction_of(run, values))
+            error = fftconvolve(prepared.M_tb - predicted, kernel, mode="same")[prepared.keep]
             parts.append(error - error.mean())
         return np.concatenate(parts)
 
@@ -144,6 +145,13 @@ class TorqueMisfit:
             fine_angle=angle.fine(UPSAMPLING),
             keep=slice(margin, angle.n - margin),
         )
+
+
+def friction_of(run: Run, values: Values) -> Values:
+    """The values with the friction level that belongs to a run: a sweep may have its own (``refine``)."""
+    if run.manoeuvre == "frequency_response" and "M_fric_C_sweep" in values:
+        return {**values, "M_fric_C": values["M_fric_C_sweep"]}
+    return values
 
 
 def rack_torque(

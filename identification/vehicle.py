@@ -1,38 +1,32 @@
 """Step I: the single track and the steering trail from frequency responses (Section 3.4.2).
 
-    I-a1  C_f, C_r          yaw rate, lateral acceleration, sideslip per tyre angle, magnitude below 0.5 Hz
-    I-a2  sigma, J_z        the same, magnitude and phase over the whole band; J_z within 5 % of its theoretical value
-    I-b1  n_t               rack force per rack travel, magnitude below 0.5 Hz
-    I-b2  sigma again       rack force per rack travel, whole band
+    lags  delay_imu, delay_rack    axle and rack equations over all speeds (``axles.fit_lags``)
+    I-a1  C_f, C_r        yaw rate, lateral acceleration, sideslip per tyre angle, magnitude below 0.5 Hz
+    I-a2  sigma, J_z      the same, magnitude and phase over the whole band; J_z within 5 % of its theoretical value
+    I-b1  n_t             rack force per rack travel, magnitude below 0.5 Hz
+    I-b2  sigma again     rack force per rack travel, whole band
+    I-c   all of them     past the paper: each axle by its own equation (``axles.fit_axles``)
 
-Each sensor group may lag the CAN bus by an unknown time, which the paper names as the likely cause of relaxation lengths
-near 1 m in step I-a2. The lag of the inertial unit and that of the strain gauges are therefore unknowns of steps I-a2
-and I-b2: a lag turns the phase and leaves the magnitude, a relaxation length changes both, so they can be told apart.
-``delays=False`` gives the paper's own steps.
+The paper names the latency of CAN signals as the likely cause of relaxation lengths near 1 m in step I-a2. Each sensor
+group's lag behind the CAN bus is therefore found first. Where channels for that are missing, lags are unknowns of steps
+I-a2 and I-b2: a lag turns the phase and leaves the magnitude, a relaxation length changes both.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identification.frf import Complexes, Floats, FrequencyResponse
-from identification.stages import Chain, Model, ResponseTerm, Values, WeightedTerm
+from identification.axles import Axles, can_balance, fit_axles
+from identification.frf import Complexes, Floats, FrequencyResponse, Spectra
+from identification.stages import Chain, Model, ResponseTerm, Values
+from identification.vehicle_bounds import BOUNDS, LOW_HZ, START, YAW_INERTIA_TOLERANCE
 from steer_env.physics.linear import VEHICLE_OUTPUTS, frequency_response, single_track_matrices
 from steer_env.physics.vehicle import SingleTrack
 from steer_env.plants.reference_row import KnownVehicle
 
-LOW_HZ = 0.5  # "below 0.5 Hz is steady state", Section 3.4.2
-BOUNDS: dict[str, tuple[float, float]] = {
-    "C_f": (2e4, 6e5), "C_r": (2e4, 6e5),  # N/rad, small car to laden van
-    "sigma_f": (0.01, 2.0), "sigma_r": (0.01, 2.0),  # m, to twice the paper's failed values
-    "n_t": (0.001, 0.4),  # m
-    "delay_imu": (-0.03, 0.10), "delay_rack": (-0.03, 0.10),  # s, CAN frames to a filtered GPS/IMU output
-}  # fmt: skip
-START = {"C_f": 1.2e5, "C_r": 1.2e5, "sigma_f": 0.3, "sigma_r": 0.3, "n_t": 0.08}
-YAW_INERTIA_TOLERANCE = 0.05
 BODY = ("yaw_rate", "lateral_acceleration", "sideslip_angle")
 
 
@@ -40,12 +34,13 @@ BODY = ("yaw_rate", "lateral_acceleration", "sideslip_angle")
 class SpeedData:
     """Measured responses of one speed in m/s, by name: BODY per tyre angle (rad), "rack" in N/m.
 
-    ``lines`` [n, 3] are the frequencies in Hz that all of them share.
+    ``lines`` [n, 3] are the frequencies in Hz that all of them share; ``spectra`` is what they were made from.
     """
 
     speed: float
     lines: Floats
     responses: Mapping[str, FrequencyResponse]
+    spectra: Spectra
 
 
 @dataclass
@@ -104,43 +99,33 @@ def lag(delay: float, measured: FrequencyResponse) -> Complexes:
 class VehicleIdentification:
     """Step I for one speed, or for several that share their parameters. Fitted: ``params_``, ``std_``, ``chain_``.
 
-    ``skipped_`` maps a step that could not be run to what was missing.
+    ``stepwise_`` is the chain after the paper's steps, ``chain_`` after I-c; ``skipped_`` maps a step that could not be
+    run to why. ``lags=False`` takes all sensors as synchronous.
     """
 
     vehicle: KnownVehicle
-    delays: bool = True
+    lags: bool = True
 
-    def fit(self, data: Sequence[SpeedData]) -> VehicleIdentification:
-        """Run steps I-a1 to I-b2 on the responses of one or several speeds; returns self."""
+    def fit(self, data: Sequence[SpeedData], lags: Chain | None = None) -> VehicleIdentification:
+        """Run all steps on one or several speeds, from the lags already found (``axles.fit_lags``); returns self."""
         theory = self.vehicle.yaw_inertia
         bounds = {**BOUNDS, "J_z": (theory * (1 - YAW_INERTIA_TOLERANCE), theory * (1 + YAW_INERTIA_TOLERANCE))}
         self.skipped_: dict[str, str] = {}
-        self.chain_ = Chain({**START, "J_z": theory})
+        known = lags.copy() if lags is not None else Chain({})
+        lag_values = {n: v for n, v in known.values.items() if n.startswith("delay")}
+        self._unknown_lags = self.lags and lags is None
+        self.stepwise_ = replace(known.copy(), values={**START, "J_z": theory, **lag_values}, at_bound=set())
         self._fit_body(data, bounds)
         self._fit_rack(data, bounds)
-        self.stepwise_ = self.chain_
-        self.chain_ = self._fit_jointly(data, bounds)
+        axles = [Axles(d.spectra, d.speed, self.vehicle) for d in data]
+        if axles and all(can_balance(a.data) for a in axles):
+            begin = {**self.stepwise_.values, **lag_values}
+            self.chain_ = fit_axles(axles, replace(known, values=begin, at_bound=set()))
+        else:
+            self.skipped_["I-c"] = "needs yaw rate, lateral acceleration and sideslip"
+            self.chain_ = self.stepwise_
         self.params_, self.std_ = dict(self.chain_.values), self.chain_.std_
         return self
-
-    def _fit_jointly(self, data: Sequence[SpeedData], bounds: Mapping[str, tuple[float, float]]) -> Chain:
-        """Step I-c, past the paper: all unknowns of step I at once on all its responses.
-
-        The steps hold what a later step will change: C_f and C_r are fitted with start values for sigma and J_z, which
-        already matter at 0.5 Hz. Where sideslip is insensitive (its gain passes zero near 60 km/h) that error grows.
-        """
-        found = self.stepwise_
-        if "I-a2" in self.skipped_:
-            return found
-        names = [n for n in (*BODY, "rack") if all(n in d.responses for d in data)]
-        if "n_t" not in found.values and "rack" in names:
-            names.remove("rack")
-        terms = []
-        for d in data:
-            model = TrackModel(d.speed, d.lines, self.vehicle)
-            terms += [WeightedTerm(d.responses[n], model.rack if n == "rack" else model.body(n), d.speed) for n in names]
-        chain = Chain(dict(found.values))
-        return chain.fit(terms, {n: v for n, v in found.values.items() if n in bounds}, bounds)
 
     def _fit_body(self, data: Sequence[SpeedData], bounds: Mapping[str, tuple[float, float]]) -> None:
         names = [n for n in BODY if all(n in d.responses for d in data)]
@@ -150,30 +135,30 @@ class VehicleIdentification:
         transient = ["sigma_f", "sigma_r", "J_z"]
         if "sideslip_angle" in names and len(names) > 1:
             low = self._body_terms(data, names, below=LOW_HZ, phase=0.0)
-            self.chain_.fit(low, {n: self.chain_.values[n] for n in ("C_f", "C_r")}, bounds)
+            self.stepwise_.fit(low, {n: self.stepwise_.values[n] for n in ("C_f", "C_r")}, bounds)
         else:
             self.skipped_["I-a1"] = "needs sideslip and one of yaw rate, lateral acceleration; C_f, C_r taken in I-a2"
             transient = ["C_f", "C_r", *transient]
-        start = {n: self.chain_.values[n] for n in transient}
-        if self.delays:
+        start = {n: self.stepwise_.values[n] for n in transient}
+        if self._unknown_lags:
             start["delay_imu"] = 0.0
-        self.chain_.fit(self._body_terms(data, names), start, bounds)
+        self.stepwise_.fit(self._body_terms(data, names), start, bounds)
 
     def _fit_rack(self, data: Sequence[SpeedData], bounds: Mapping[str, tuple[float, float]]) -> None:
         if not all("rack" in d.responses for d in data):
             self.skipped_["I-b1"] = self.skipped_["I-b2"] = "no rack_force_N channel"
-            self.chain_.values.pop("n_t")
+            self.stepwise_.values.pop("n_t")
             return
         if "I-a2" in self.skipped_:
             self.skipped_["I-b1"] = self.skipped_["I-b2"] = "needs step I-a"
-            self.chain_.values.pop("n_t")
+            self.stepwise_.values.pop("n_t")
             return
         low = self._rack_terms(data, below=LOW_HZ, phase=0.0)
-        self.chain_.fit(low, {"n_t": self.chain_.values["n_t"]}, bounds)
-        start = {n: self.chain_.values[n] for n in ("sigma_f", "sigma_r")}
-        if self.delays:
+        self.stepwise_.fit(low, {"n_t": self.stepwise_.values["n_t"]}, bounds)
+        start = {n: self.stepwise_.values[n] for n in ("sigma_f", "sigma_r")}
+        if self._unknown_lags:
             start["delay_rack"] = 0.0
-        self.chain_.fit(self._rack_terms(data), start, bounds)
+        self.stepwise_.fit(self._rack_terms(data), start, bounds)
 
     def _body_terms(
         self, data: Sequence[SpeedData], names: Sequence[str], below: float = np.inf, phase: float = 1.0
