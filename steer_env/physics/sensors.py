@@ -72,7 +72,9 @@ def observer_step(
 
     Measured torsion-bar torque and the known motor torque drive a model of the body, so that the
     acceleration needs no differentiation; the angle only corrects it and finds the unknown load.
-    Gains of the critically damped third-order tracking filter (triple pole z = exp(-2 pi f dt)).
+    Gains of the critically damped third-order tracking filter (triple pole z = exp(-2 pi f dt)). At
+    40 Hz, 1 kHz and the default body, white noise of 1 rad rms in the angle gives 12500 rad/s2 rms,
+    of 1 N m in the torque 15.6 rad/s2.
     """
     z = math.exp(-2.0 * math.pi * p.bandwidth_Hz * dt)
     known = M_tb + p.motor_ratio * motor_torque
