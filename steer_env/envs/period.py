@@ -18,7 +18,7 @@ from steer_env.manoeuvres import hand_at
 from steer_env.physics import plant
 from steer_env.physics._jit import scalar
 from steer_env.physics.control_unit import Commands, Observation, control_unit_step
-from steer_env.physics.driver import driver_torque
+from steer_env.physics.driver import Hand, driver_torque
 from steer_env.physics.motor import lag_decay, limited_command
 from steer_env.physics.reference import (
     ReferenceParameters,
@@ -212,7 +212,7 @@ def _judge(
     x: plant.PlantState,
     q: Any,
     M_tb: float,
-    hand: plant.Hand,
+    hand: Hand,
     speed: float,
     p_row: Any,
     s_row: Any,

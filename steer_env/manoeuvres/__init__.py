@@ -22,7 +22,7 @@ from steer_env.manoeuvres import (
 )
 from steer_env.manoeuvres.parameters import ManoeuvreParameters
 from steer_env.physics._jit import scalar
-from steer_env.physics.plant import Hand
+from steer_env.physics.driver import Hand
 
 __all__ = ["MANOEUVRES", "Manoeuvre", "ManoeuvreParameters", "hand_at", "kind_of"]
 

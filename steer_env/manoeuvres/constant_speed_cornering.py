@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from steer_env.manoeuvres.parameters import ManoeuvreParameters
 from steer_env.physics._jit import scalar
-from steer_env.physics.plant import Hand
+from steer_env.physics.driver import Hand
 
 HOLD_SHARE = 0.1  # share of the duration that the end angle is held, assumption
 DEFAULT = ManoeuvreParameters(duration=20.0)

@@ -6,7 +6,7 @@ import math
 
 from steer_env.manoeuvres.parameters import ManoeuvreParameters
 from steer_env.physics._jit import scalar
-from steer_env.physics.plant import Hand
+from steer_env.physics.driver import Hand
 
 DEFAULT = ManoeuvreParameters()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from steer_env.manoeuvres.parameters import ManoeuvreParameters
 from steer_env.physics._jit import scalar
-from steer_env.physics.plant import Hand
+from steer_env.physics.driver import Hand
 
 RISE_TIME = 1.0  # s to reach the held angle, assumption
 HOLD_TIME = 3.0  # s from the start of the rise to the release, assumption

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from steer_env.manoeuvres.parameters import ManoeuvreParameters
 from steer_env.physics._jit import scalar
-from steer_env.physics.plant import Hand
+from steer_env.physics.driver import Hand
 
 RISE_TIME = 0.15  # s, assumption: about 200 deg/s at 20 deg
 DEFAULT = ManoeuvreParameters(duration=5.0)

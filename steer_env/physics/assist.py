@@ -62,6 +62,6 @@ def inverse_assist(M_eff: float, r: float, sigma: float) -> float:
         else:
             low = M
         M -= step
-        if M <= low or M >= high:
+        if low >= M or high <= M:
             M = 0.5 * (low + high)
     return math.copysign(M, M_eff)

@@ -25,6 +25,15 @@ class Driver(NamedTuple):
     )
 
 
+class Hand(NamedTuple):
+    """What the driver wants: hand angle in rad, rate in rad/s, own torque in N m, grip 0 to 1."""
+
+    angle: float
+    rate: float
+    torque: float
+    grip: float
+
+
 @scalar
 def driver_torque(
     angle: float,

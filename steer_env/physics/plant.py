@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 from steer_env.physics import vehicle
 from steer_env.physics._jit import scalar
-from steer_env.physics.driver import Driver, driver_torque
+from steer_env.physics.driver import Driver, Hand, driver_torque
 from steer_env.physics.friction import dahl_step
 from steer_env.physics.motor import lag_step
 from steer_env.physics.reference import ReferenceParameters, reference_load, single_track_of
-from steer_env.physics.steering import Steering, SteeringMotion, steering_rates
+from steer_env.physics.steering import Steering, SteeringMotion, moved, steering_rates
 from steer_env.physics.vehicle import SingleTrackState, rk4_mean
 
 
@@ -34,15 +34,6 @@ class PlantState(NamedTuple):
     wheel_friction: float
     pinion_friction: float
     motor_torque: float
-
-
-class Hand(NamedTuple):
-    """What the driver wants: hand angle in rad, rate in rad/s, own torque in N m, grip 0 to 1."""
-
-    angle: float
-    rate: float
-    torque: float
-    grip: float
 
 
 @scalar
@@ -98,17 +89,6 @@ def plant_rates(
         v, q.pinion_angle * (1.0 / car.i_s), speed, single_track_of(car)
     )
     return motion, track
-
-
-@scalar
-def moved(q: SteeringMotion, h: float, k: SteeringMotion) -> SteeringMotion:
-    """Q + h k."""
-    return SteeringMotion(
-        q.steering_angle + h * k.steering_angle,
-        q.steering_rate + h * k.steering_rate,
-        q.pinion_angle + h * k.pinion_angle,
-        q.pinion_rate + h * k.pinion_rate,
-    )
 
 
 @scalar

@@ -107,3 +107,14 @@ def steering_rates(
     wheel = (M_s - M_tb - M_s_fric - p.b_s * x.steering_rate) * (1.0 / (p.J_s + J_driver))
     lower = M_tb + p.motor_ratio * motor_torque - M_rack - M_fric - M_stop - p.b_pin * x.pinion_rate
     return SteeringMotion(x.steering_rate, wheel, x.pinion_rate, lower * (1.0 / p.J_pin))
+
+
+@scalar
+def moved(q: SteeringMotion, h: float, k: SteeringMotion) -> SteeringMotion:
+    """Q + h k."""
+    return SteeringMotion(
+        q.steering_angle + h * k.steering_angle,
+        q.steering_rate + h * k.steering_rate,
+        q.pinion_angle + h * k.pinion_angle,
+        q.pinion_rate + h * k.pinion_rate,
+    )

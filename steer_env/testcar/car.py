@@ -11,8 +11,7 @@ from typing import NamedTuple
 from steer_env.physics._jit import scalar
 from steer_env.physics.friction import dahl_step
 from steer_env.physics.motor import lag_step
-from steer_env.physics.plant import moved
-from steer_env.physics.steering import Steering, SteeringMotion, steering_rates
+from steer_env.physics.steering import Steering, SteeringMotion, moved, steering_rates
 from steer_env.physics.two_track import TwoTrackState, two_track_rates
 from steer_env.physics.two_track_parameters import TwoTrack
 from steer_env.physics.vehicle import rk4_mean

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from steer_env.physics._jit import compiled, scalar
-from steer_env.physics.driver import Driver
+from steer_env.physics.driver import Driver, Hand
 from steer_env.physics.motor import Motor, lag_decay
-from steer_env.physics.plant import Hand, PlantState, plant_step
+from steer_env.physics.plant import PlantState, plant_step
 from steer_env.physics.reference import (
     ReferenceParameters,
     ReferenceState,
