@@ -1,0 +1,194 @@
+"""steer-env identify: a measurement campaign becomes a haptic reference.
+
+Writes reference.json (contracts.md, section 2) and report.html; with both modes also reference_shared.json. A drive
+(kind = "drive") gives drive.json and a report instead, because it has no torsion bar, no rack force and no vehicle.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from experiments.cli_options import common_options, print_json, print_table, progress
+from experiments.report.with_error import with_error
+from steer_env import __version__, atomic
+from steer_env.errors import InputError
+
+SHOWN = ("C_f", "C_r", "n_t", "J_z", "J_ref", "b_ref", "k_gain", "c_pin_on", "c_pin_off", "M_fric_C")
+
+
+@click.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@click.option(
+    "--mode",
+    type=click.Choice(["per-speed", "shared", "both"]),
+    default="both",
+    show_default=True,
+    help="Fit the vehicle anew at each speed (as the paper), hold it over speeds, or both.",
+)
+@click.option(
+    "--slip",
+    type=click.Choice(["relaxed", "kinematic"]),
+    default="relaxed",
+    show_default=True,
+    help="Form of the rack torque that b_ref belongs to; kinematic as the paper prints Eq. 10.",
+)
+@click.option("--no-lags", is_flag=True, help="Take all sensors as synchronous instead of finding their lags.")
+@common_options
+def command(
+    campaign: Path,
+    mode: str,
+    slip: str,
+    no_lags: bool,
+    out: Path,
+    seed: int,
+    jobs: int,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Turn the measurement CAMPAIGN (a folder or its campaign.toml) into a haptic reference."""
+    from identification.campaign import read_campaign
+
+    del seed  # nothing here is random
+    read = read_campaign(campaign)
+    if read.kind == "drive":
+        _drive(read, out, as_json)
+    elif read.kind == "rig":
+        raise InputError(
+            f"{campaign}: kind",
+            "a rig campaign has no vehicle, so there is no haptic reference in it",
+            "run 'steer-env gap' on it to find what the bench's own model misses",
+        )
+    else:
+        _vehicle(read, mode, slip, not no_lags, out, jobs, quiet, as_json)
+
+
+def _drive(campaign: Any, out: Path, as_json: bool) -> None:
+    """Stiffness, damping and friction level of a car's log."""
+    from experiments.report.drive import write_drive_report
+    from identification.drive import DriveModel
+
+    model = DriveModel().fit(campaign)
+    document = model.document(campaign)
+    with atomic.folder(out) as folder:
+        atomic.write_text(folder / "drive.json", json.dumps(document, indent=1) + "\n")
+        write_drive_report(campaign, model, folder / "report.html")
+    if as_json:
+        print_json(document)
+        return
+    rows = [[key, value] for key, value in _flat(document).items()]
+    print_table(("quantity", "value"), rows, title=f"drive: {campaign.name}")
+    click.echo(f"{out / 'report.html'}")
+
+
+def _vehicle(
+    campaign: Any, mode: str, slip: str, lags: bool, out: Path, jobs: int, quiet: bool, as_json: bool
+) -> None:
+    """Steps I to III and the refinement, report and reference."""
+    from experiments.report.identify import write_identify_report
+    from identification.identify import MODES, Options, identify
+    from steer_env.plants.reference_file import write_reference
+
+    modes = MODES if mode == "both" else (mode,)
+    speeds = len({run.speed_kmh for run in campaign.runs})
+    with progress("identify", total=speeds * len(modes) + 1, quiet=quiet) as advance:
+        result = identify(campaign, Options(modes, slip, lags), jobs, advance)
+        result.provenance.update(
+            software=f"steer-env {__version__}", date=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        )
+        with atomic.folder(out) as folder:
+            for name in modes:
+                reference = result.reference(name)
+                if reference is not None:
+                    write_reference(folder / _file_name(name, modes), reference)
+            write_identify_report(campaign, result, folder / "report.html")
+        advance(note="report")
+    missing = {name: result.missing_keys(name) for name in modes}
+    if as_json:
+        print_json(_document(result, modes, out))
+        return
+    print_table(("km/h", *SHOWN), [_row(r) for r in result.modes[modes[0]]], title=f"{campaign.name}, {modes[0]}")
+    for line in _remarks(result.modes[modes[0]]):
+        click.echo(line)
+    for name in modes:
+        path = out / _file_name(name, modes)
+        if missing[name]:
+            click.echo(f"{path.name} not written: no speed identifies {', '.join(missing[name])}")
+        else:
+            click.echo(f"{path}")
+    click.echo(f"{out / 'report.html'}")
+
+
+def _file_name(mode: str, modes: tuple[str, ...]) -> str:
+    return "reference_shared.json" if mode == "shared" and len(modes) > 1 else "reference.json"
+
+
+def _row(result: Any) -> list[object]:
+    """One line of the table: value, with its standard error in the same digits; a dash where not identified."""
+    unknown = set(result.unidentified())
+    cells: list[object] = [f"{result.speed_kmh:g}"]
+    for name in SHOWN:
+        value, error = result.values.get(name), result.std.get(name)
+        cells.append("–" if value is None or name in unknown else with_error(value, error))
+    return cells
+
+
+def _remarks(results: list[Any]) -> list[str]:
+    """What was skipped, missing or flagged, one line each, equal ones of several speeds together."""
+    found: dict[str, list[str]] = {}
+    for result in results:
+        for step, why in result.skipped.items():
+            found.setdefault(f"step {step} skipped: {why}", []).append(f"{result.speed_kmh:g}")
+        missing = [n for n in result.unidentified() if n in result.values]
+        if missing:
+            text = f"not identified, extrapolated from the other speeds: {', '.join(missing)}"
+            found.setdefault(text, []).append(f"{result.speed_kmh:g}")
+    everywhere = len(results)
+    return [
+        text if len(speeds) == everywhere else f"{', '.join(speeds)} km/h: {text}" for text, speeds in found.items()
+    ]
+
+
+def _document(result: Any, modes: tuple[str, ...], out: Path) -> dict[str, Any]:
+    """The result as JSON: values and errors by mode and speed, with what was skipped."""
+    from steer_env.plants.reference_file import ROW_KEYS
+
+    def finite(table: dict[str, float]) -> dict[str, float]:
+        return {ROW_KEYS[n]: v for n, v in table.items() if n in ROW_KEYS and math.isfinite(v)}
+
+    return {
+        "references": [str(out / _file_name(m, modes)) for m in modes if not result.missing_keys(m)],
+        "report": str(out / "report.html"),
+        "modes": {
+            m: [
+                {
+                    "speed_kmh": r.speed_kmh,
+                    "values": finite(r.values),
+                    "std": finite(r.std),
+                    "frf": finite(r.frf),
+                    "delays_s": {n: v[0] for n, v in r.delays.items()},
+                    "skipped": r.skipped,
+                    "not_identified": [ROW_KEYS[n] for n in r.unidentified()],
+                    "notes": r.notes,
+                }
+                for r in result.modes[m]
+            ]
+            for m in modes
+        },
+    }
+
+
+def _flat(document: dict[str, Any], prefix: str = "") -> dict[str, object]:
+    """Scalars of a nested document by dotted key."""
+    found: dict[str, object] = {}
+    for key, value in document.items():
+        if isinstance(value, dict):
+            found.update(_flat(value, f"{prefix}{key}."))
+        elif isinstance(value, int | float | str):
+            found[f"{prefix}{key}"] = value
+    return found
