@@ -16,7 +16,7 @@ from steer_env.physics.steering import Steering
 from steer_env.units import Quantity
 
 PERIOD = 1e-3  # s, control period (paper: 1 kHz)
-SUBSTEPS = 2  # Runge-Kutta steps per period, chosen by experiments/integrator_study
+SUBSTEPS = 2  # Runge-Kutta steps per period; the measurements behind it: physics/plant.py
 LINE_LENGTH = 16  # periods that a delay line remembers
 LINES = ("command", "angle", "torque", "motor_torque")
 

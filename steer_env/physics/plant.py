@@ -2,8 +2,16 @@
 
 Classical Runge-Kutta for the smooth part. Dahl friction depends on displacement alone, so each
 stage takes its exact value at the stage's own displacement; the motor's lag takes its exact value
-at the start, middle and end. What the step size costs is measured by
-``experiments/integrator_study``.
+at the start, middle and end.
+
+``python -m experiments.integrator_study`` measures what a step costs. Without friction the order is
+4; a reversal inside a step, of which only the net displacement is seen, makes it 2. Two steps of
+0.5 ms in a control period keep the torsion-bar torque within 0.0015 N m (EPAS) and 0.004 N m
+(steer-by-wire) of the truth, within 0.004 and 0.023 N m at the stiff ends of their spreads, below
+the torque sensor's 0.03 N m; one step misses by up to 0.34 N m there. The longest stable step is
+3.1 ms (the front tyre's relaxation at 105 km/h), 2.3 ms for the stiffest steer-by-wire draw. A
+torque flange of 15 000 N m/rad would want four steps. With friction frozen over each step two steps
+would miss by 0.06 to 0.18 N m (EPAS): exact friction at every stage is what makes them enough.
 """
 
 from __future__ import annotations
