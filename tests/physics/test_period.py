@@ -152,3 +152,30 @@ def test_row_layouts_hold_every_field_once():
         row = np.arange(layout.size, dtype=float)
         seen = [v for name in layout.records for v in layout.read(row, name)]
         assert seen == row.tolist()
+
+
+@pytest.mark.parametrize("kmh", [5.0, 15.0, 33.0, 60.0, 104.9, 130.0])
+def test_the_kernel_reads_the_reference_as_python_does(kmh):
+    """Catches a field blended with its neighbour; beyond the rows both hold the last one."""
+    setup = ready(Task(speed_kmh=kmh, randomise="car"))
+    state = started([setup])[1][0]
+    expected = setup.reference.at(kmh / 3.6)
+    assert STATE.read(state, "reference") == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    car, spread = STATE.read(state, "car"), PARAMETERS.read(setup.row, "car_spread")
+    assert car.m == pytest.approx(expected.m * spread.mass)
+    assert car.J_z == pytest.approx(expected.J_z * spread.mass)
+    assert car.C_f == pytest.approx(expected.C_f * spread.grip)
+    assert car.C_r == pytest.approx(expected.C_r * spread.grip)
+    assert car.n_t == pytest.approx(expected.n_t * spread.trail)
+
+
+def test_speed_changes_evenly_and_stops_at_its_end():
+    """Catches a speed that runs on: the reference must follow it row by row, then hold."""
+    setup = ready(Task("SbW", speed_kmh=(58.0, 62.0), duration=0.05, manoeuvre="standstill"))
+    n = 700
+    out = compiled_run([setup], np.zeros((n, 1)), np.zeros((n, 1, 2)))[:, 0]
+    speed = out[:, len(Observation._fields) + Truth._fields.index("speed")]
+    length = setup.periods * PERIOD
+    expected = 58.0 / 3.6 + np.minimum(PERIOD * np.arange(1, n + 1) / length, 1.0) * 4.0 / 3.6
+    np.testing.assert_allclose(speed, expected, rtol=1e-9)
+    assert (out[:, Observation._fields.index("speed")] == speed).all()
