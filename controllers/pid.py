@@ -1,0 +1,198 @@
+"""PID with reference feed-forward and torsion-bar damping: on torque (impedance) or angle error.
+
+Feed-forward (theory.md, section 3): reference (4) minus plant (2) says what the motor must add,
+
+    i M_mot = (J_pin - J_ref) a + (b_pin - b_ref) w + (M_eff - M_tb) + (M_fric - M_ref,fric)
+
+where the car loads the lower body, and i M_mot = J_pin a + b_pin w + M_fric - M_tb,ref for
+steer-by-wire. Written once for both: i M_mot = J_pin a + b_pin w + M_fric + share M_load - M_tb,ref
+with M_load = M_eff - J_ref a - b_ref w - M_ref,fric.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from controllers.blocks import NotchState, assist_slope, low_pass, notch_step, torque_of
+from controllers.law import LawController, with_gains
+from controllers.pid_design import PidParameters, design
+from controllers.schedule import Felt, felt_at
+from steer_env.interface import Observation
+from steer_env.physics._jit import scalar
+from steer_env.physics.friction import dahl_step
+from steer_env.plants import Plant, Reference
+
+
+class PidState(NamedTuple):
+    """Memory of both laws: integral and torques in N m, accelerations in rad/s2, angles in rad."""
+
+    integral: float = 0.0
+    torque: float = 0.0
+    acceleration_1: float = 0.0
+    acceleration_2: float = 0.0
+    friction: float = 0.0
+    friction_angle: float = 0.0
+    reference_friction: float = 0.0
+    reference_angle: float = 0.0
+    commanded: float = 0.0
+    notch: NotchState = NotchState()
+
+
+@scalar
+def least_damping(felt: Felt, p: PidParameters) -> float:
+    """Damping in N m s/rad that the reference lacks of ``damping_ratio`` while friction sticks.
+
+    At 15 and 30 km/h the identified b_ref is negative: against a locked wheel the reference itself
+    is unstable, so no controller may render it fully.
+    """
+    stuck = felt.c_fric if felt.M_fric_C > 0.0 else 0.0
+    stiffness = stuck + p.bar_damping * p.c_tb
+    wanted = 2.0 * p.damping_ratio * math.sqrt(felt.J_ref * stiffness)
+    return max(wanted - felt.b_ref, 0.0)
+
+
+@scalar
+def saturation(observation: Observation, x: PidState, p: PidParameters) -> float:
+    """Torque in N m at the lower body that the motor's limits took from the last command."""
+    return (observation.last_torque_1 - x.commanded) * p.motor_ratio
+
+
+@scalar
+def integrated(integral: float, rate: float, cut: float, p: PidParameters) -> float:
+    """Integral in N m one period on; it runs back while the motor is limited (anti-windup)."""
+    return integral + p.period * (rate + cut / (4.0 * p.delay))
+
+
+@scalar
+def matched_gain(felt: Felt, p: PidParameters) -> float:
+    """Gain on the torque error that makes the hardware's inertia serve as the reference's.
+
+    A total gain of K J_pin / J_ref on M_tb turns J_pin a into J_ref a at the gain K: nothing to
+    add, nothing to cancel.
+    """
+    return p.torque_gain * max((1.0 + felt.k_gain) * p.J_pin / felt.J_ref - 1.0, 0.0)
+
+
+@scalar
+def load_of(o: Observation, acceleration: float, rate: float, friction: float, felt: Felt) -> float:
+    """M_rack (with c_extra d) in N m: what Eq. 4 leaves of M_eff at the reference's motion."""
+    return o.effective_torque - felt.J_ref * acceleration - felt.b_ref * rate - friction
+
+
+@scalar
+def torque_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, PidState]:
+    """Impedance: feed-forward from the measured motion, PI on torque error, D on torque."""
+    felt = felt_at(o.speed, p.schedule)
+    a_1 = low_pass(x.acceleration_1, o.pinion_acceleration, p.acceleration_bandwidth, p.period)
+    a_2 = low_pass(x.acceleration_2, a_1, p.acceleration_bandwidth, p.period)
+    friction = dahl_step(x.friction, o.pinion_angle - x.friction_angle, p.M_fric, p.c_fric)
+    felt_friction = dahl_step(
+        x.reference_friction, o.pinion_angle - x.reference_angle, felt.M_fric_C, felt.c_fric
+    )
+    load = load_of(o, o.pinion_acceleration, o.pinion_rate, felt_friction, felt)
+    # The wide-band acceleration would close a loop around the motor's own torque: the reference
+    # gets the filtered one.
+    lack = least_damping(felt, p)
+    damping = (1.0 - p.bar_damping) * lack * o.pinion_rate
+    wanted = torque_of(
+        o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2) + damping, felt
+    )
+
+    gain = matched_gain(felt, p)
+    error = wanted - o.torsion_bar_torque
+    integral = integrated(x.integral, -p.torque_integral * error, saturation(o, x, p), p)
+    torque = low_pass(x.torque, o.torsion_bar_torque, p.derivative_bandwidth, p.period)
+    lead = p.bar_damping * ((1.0 + gain) * p.delay + lack / p.c_tb)
+    bar = lead * p.derivative_bandwidth * (o.torsion_bar_torque - torque)
+
+    # Off centre the felt inertia J_ref / K is small and hardly any of it returns through the gain:
+    # cancelling all of the hardware's then leaves a body without inertia behind a delay. Only a
+    # share of what is left over is cancelled.
+    felt_inertia = (1.0 + gain) * felt.J_ref / assist_slope(wanted, felt)
+    inertia = min(p.J_pin, felt_inertia + p.inertia_share * p.J_pin)
+    lower = inertia * a_2 + p.b_pin * o.pinion_rate + friction + p.rack_share * load - wanted
+    lower = lower - gain * error + integral + bar
+    output, notch = notch_step(lower, x.notch, p.notch)
+    command = output / p.motor_ratio
+    return command, PidState(
+        integral,
+        torque,
+        a_1,
+        a_2,
+        friction,
+        o.pinion_angle,
+        felt_friction,
+        o.pinion_angle,
+        command,
+        notch,
+    )
+
+
+@scalar
+def angle_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, PidState]:
+    """Admittance: feed-forward from reference motion and measured torque, PID on angle error."""
+    felt = felt_at(o.speed, p.schedule)
+    friction = dahl_step(x.friction, o.pinion_angle - x.friction_angle, p.M_fric, p.c_fric)
+    felt_friction = dahl_step(
+        x.reference_friction, o.reference - x.reference_angle, felt.M_fric_C, felt.c_fric
+    )
+    load = load_of(o, o.reference_acceleration, o.reference_rate, felt_friction, felt)
+    error = o.reference - o.pinion_angle
+    error_rate = o.reference_rate - o.pinion_rate
+    a_1 = low_pass(x.acceleration_1, o.pinion_acceleration, p.acceleration_bandwidth, p.period)
+    a_2 = low_pass(x.acceleration_2, a_1, p.acceleration_bandwidth, p.period)
+
+    # Where the assist is steep, torque moves the reference faster than a motor behind a delay can
+    # follow: there the law yields from tracking the angle to rendering the torque that the angle
+    # error stands for, as in impedance.
+    slope = assist_slope(o.torsion_bar_torque, felt)
+    yielding = max(1.0 - p.slope_limit / slope, 0.0)
+    pull = p.angle_gain * error + p.angle_derivative * error_rate
+    gap = felt.J_ref * (o.reference_acceleration - a_2 + pull) + felt.b_ref * error_rate
+    lack = least_damping(felt, p)
+    wanted = torque_of(o.effective_torque - yielding * (gap - lack * o.pinion_rate), felt)
+    gain = matched_gain(felt, p)
+    # Steer-by-wire: the hand's torque answers every correction, and through the assist it moves the
+    # reference by K / J_ref. That, not the rotor's small inertia, is what the angle loop works
+    # against.
+    inertia = p.rack_share * p.J_pin + (1.0 - p.rack_share) * felt.J_ref / slope
+    integral = integrated(
+        x.integral, (1.0 - yielding) * inertia * p.angle_integral * error, saturation(o, x, p), p
+    )
+    feedback = (1.0 - yielding) * inertia * pull + integral
+
+    torque = low_pass(x.torque, o.torsion_bar_torque, p.derivative_bandwidth, p.period)
+    lead = p.bar_damping * (min(slope, p.slope_limit) * p.delay + lack / p.c_tb) + p.torque_lag
+    bar = lead * p.derivative_bandwidth * (o.torsion_bar_torque - torque)
+    damping = (1.0 - yielding) * (1.0 - p.bar_damping) * lack / slope * o.pinion_rate
+
+    acceleration = (1.0 - yielding) * o.reference_acceleration + yielding * p.inertia_share * a_2
+    rate = (1.0 - yielding) * o.reference_rate + yielding * o.pinion_rate
+    lower = p.J_pin * acceleration + p.b_pin * rate + friction + p.rack_share * load
+    lower = lower - wanted - gain * (wanted - o.torsion_bar_torque) + feedback + bar - damping
+    output, notch = notch_step(lower, x.notch, p.notch)
+    command = output / p.motor_ratio
+    return command, PidState(
+        integral,
+        torque,
+        a_1,
+        a_2,
+        friction,
+        o.pinion_angle,
+        felt_friction,
+        o.reference,
+        command,
+        notch,
+    )
+
+
+def make(plant: Plant, reference: Reference, causality: str, **gains: float) -> LawController:
+    """The controller for a plant; ``gains`` replace fields of PidParameters."""
+
+    def for_period(period: float) -> PidParameters:
+        return with_gains(design(plant, reference, period), gains, "pid")
+
+    return LawController(
+        torque_law if causality == "impedance" else angle_law, for_period, PidState()
+    )

@@ -1,0 +1,74 @@
+"""The reference over speed as a law reads it: straight between rows, held beyond the ends."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.physics._jit import scalar
+from steer_env.physics.reference import ReferenceParameters
+from steer_env.plants import Reference
+from steer_env.plants.reference import steady_stiffness
+
+
+class Felt(NamedTuple):
+    """What a law needs to know of the reference at one speed; units as in ReferenceParameters.
+
+    ``stiffness`` in N m/rad is |load torque / pinion angle| at 0.2 Hz (c_pin_on). ``M_fric_C`` is
+    zero and ``linear`` 1 where assist and friction are left out (Fig. 9).
+    """
+
+    J_ref: float
+    b_ref: float
+    k_gain: float
+    M_fric_C: float
+    c_fric: float
+    r: float
+    sigma: float
+    stiffness: float
+    linear: float
+
+
+def schedule_of(reference: Reference) -> NDArray[np.float64]:
+    """Rows over speed [n, 1 + fields of Felt]: speed in m/s, then Felt."""
+    rows = []
+    for row in reference.table:
+        speed, p = float(row[0]), ReferenceParameters(*row[1:].tolist())
+        friction = 0.0 if p.linear > 0.5 else p.M_fric_C
+        stiffness = steady_stiffness(speed, p)
+        felt = Felt(
+            p.J_ref, p.b_ref, p.k_gain, friction, p.c_fric, p.r, p.sigma, stiffness, p.linear
+        )
+        rows.append((speed, *felt))
+    return np.array(rows, dtype=np.float64)
+
+
+@scalar
+def felt_at(speed: float, schedule: Any) -> Felt:
+    """The reference at a speed in m/s."""
+    last = schedule.shape[0] - 1
+    low = 0
+    while low < last - 1 and schedule[low + 1, 0] <= speed:
+        low += 1
+    high = min(low + 1, last)
+    span = schedule[high, 0] - schedule[low, 0]
+    share = 0.0 if span <= 0.0 else min(max((speed - schedule[low, 0]) / span, 0.0), 1.0)
+    return Felt(
+        _between(schedule, 1, low, high, share),
+        _between(schedule, 2, low, high, share),
+        _between(schedule, 3, low, high, share),
+        _between(schedule, 4, low, high, share),
+        _between(schedule, 5, low, high, share),
+        _between(schedule, 6, low, high, share),
+        _between(schedule, 7, low, high, share),
+        _between(schedule, 8, low, high, share),
+        _between(schedule, 9, low, high, share),
+    )
+
+
+@scalar
+def _between(schedule: Any, column: int, low: int, high: int, share: float) -> float:
+    value: float = schedule[low, column] + share * (schedule[high, column] - schedule[low, column])
+    return value

@@ -1,0 +1,77 @@
+"""One closed-loop episode, compiled: a task and a controller in, the true signals out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.envs import batch
+from steer_env.envs.layout import PARAMETERS, PERIOD, Truth
+from steer_env.envs.task import Setup, Task, prepare
+from steer_env.interface import Controller, Law, Observation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What happened: ``signals`` [n, fields of Truth] in SI, one row per period of PERIOD s.
+
+    Where the loop turned unstable the episode ends early and ``stable`` is False.
+    """
+
+    setup: Setup
+    signals: Array
+    stable: bool
+
+    def __getitem__(self, name: str) -> Array:
+        """One signal [n] by its name in Truth."""
+        return self.signals[:, Truth._fields.index(name)]
+
+    def part(self, name: str) -> Any:
+        """One record of the parameter row: "motor", "manoeuvre", "driver" ..."""
+        return PARAMETERS.read(self.setup.row, name)
+
+
+def first_observation(setup: Setup) -> Observation:
+    """What a controller sees at rest, before the first period."""
+    zeros = dict.fromkeys(Observation._fields, 0.0)
+    return Observation(**{**zeros, "speed": PARAMETERS.read(setup.row, "episode").speed})
+
+
+def run(
+    task: Task, controller: Controller, seed: int | Sequence[int] = 0, settle: float = 0.0
+) -> Episode:
+    """Run a task and ``settle`` seconds of rest after it; the same seed gives the same bits."""
+    rng = np.random.default_rng(seed)
+    setup = prepare(task, rng, PERIOD)
+    parameters, states, lines = batch.new_rows(1)
+    parameters[0] = setup.row
+    batch.start_batch(parameters, states, lines, setup.table, setup.car_table)
+    periods = setup.periods + round(settle / PERIOD)
+    signals = np.zeros((periods, len(Truth._fields)))
+    controller.reset(PERIOD)
+    ran = _rollout_of(controller.law)(
+        controller.state(),
+        controller.parameters,
+        first_observation(setup),
+        rng.standard_normal((periods, 2)),
+        parameters[0],
+        states[0],
+        lines[0],
+        setup.table,
+        setup.car_table,
+        signals,
+    )
+    unstable = signals[ran - 1, Truth._fields.index("unstable")] > 0.5
+    return Episode(setup, signals[:ran], not unstable)
+
+
+@cache
+def _rollout_of(law: Law) -> Callable[..., int]:
+    return batch.make_rollout(law)
