@@ -91,13 +91,17 @@ def _vehicle(
 ) -> None:
     """Steps I to III and the refinement, report and reference."""
     from experiments.report.identify import write_identify_report
-    from identification.identify import MODES, Options, identify
+    from identification.identify import MODES, Interrupted, Options, identify
     from steer_env.plants.reference_file import write_reference
 
     modes = MODES if mode == "both" else (mode,)
     speeds = len({run.speed_kmh for run in campaign.runs})
     with progress("identify", total=speeds * len(modes) + 1, quiet=quiet) as advance:
-        result = identify(campaign, Options(modes, slip, lags), jobs, advance)
+        try:
+            result = identify(campaign, Options(modes, slip, lags), jobs, advance)
+        except Interrupted as stop:
+            _keep_partial(stop.result, out)
+            raise
         result.provenance.update(
             software=f"steer-env {__version__}", date=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
         )
@@ -122,6 +126,18 @@ def _vehicle(
         else:
             click.echo(f"{path}")
     click.echo(f"{out / 'report.html'}")
+
+
+def _keep_partial(result: Any, out: Path) -> None:
+    """Write the speeds that were done before an interruption, under a name that no one takes for the whole."""
+    from steer_env.plants.reference_file import write_reference
+
+    for mode, found in result.modes.items():
+        reference = result.reference(mode) if found else None
+        if reference is not None:
+            path = out / f"partial_{mode}.json"
+            write_reference(path, reference)
+            click.echo(f"{len(found)} speeds kept in {path}", err=True)
 
 
 def _file_name(mode: str, modes: tuple[str, ...]) -> str:

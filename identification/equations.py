@@ -13,7 +13,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from identification.frf import MIN_COHERENCE, NEIGHBOURS, Complexes, Floats, Spectra, coherence, groups, scatter, smoothed
+from identification.frf import (
+    MIN_COHERENCE,
+    NEIGHBOURS,
+    Complexes,
+    Floats,
+    Spectra,
+    coherence,
+    groups,
+    scatter,
+    smoothed,
+)
 from identification.stages import Scores, Values
 
 FLOOR = 0.01  # relative error that an averaged point is allowed beside its scatter

@@ -20,7 +20,13 @@ from identification.campaign import Run
 from identification.frf import Floats
 from identification.motion import BandLimited, band_filter, band_limited
 from identification.stages import Scores, Values
-from identification.torque import SETTLE_S, VEHICLE_PARAMETERS, block_scores, friction_of, rack_torque
+from identification.torque import (
+    SETTLE_S,
+    VEHICLE_PARAMETERS,
+    block_scores,
+    friction_of,
+    rack_torque,
+)
 from steer_env.physics._jit import compiled
 from steer_env.physics.assist import assist
 from steer_env.physics.friction import dahl_step
@@ -28,7 +34,7 @@ from steer_env.plants.reference_row import KnownVehicle
 
 NEEDS = ("steering_angle_rad", "torsion_bar_torque_Nm")
 INPUT_HZ = 38.0  # band of the inputs, to what 100 Hz sampling holds
-FINE = 10  # input points per sample; the integration takes every second one as its step, those between as midpoints
+FINE = 6  # input points per sample; the integration takes every second one as its step, those between as midpoints
 
 
 @compiled

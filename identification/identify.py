@@ -22,7 +22,12 @@ from identification.refine import SWEEP_FRICTION, UNKNOWNS, Refinement
 from identification.result import KEYS, Identification, SpeedResult
 from identification.speed_data import SpeedResponses, SpeedRuns
 from identification.stages import Chain
-from identification.steady_state import C_FRIC, SIGMA, SteadyStateIdentification, on_centre_stiffness
+from identification.steady_state import (
+    C_FRIC,
+    SIGMA,
+    SteadyStateIdentification,
+    on_centre_stiffness,
+)
 from identification.vehicle import VehicleIdentification
 from steer_env.errors import InputError
 
@@ -46,6 +51,14 @@ class Measured(NamedTuple):
     responses: SpeedResponses
 
 
+class Interrupted(KeyboardInterrupt):
+    """The user stopped an identification; ``result`` holds the speeds that were done."""
+
+    def __init__(self, result: Identification) -> None:
+        super().__init__()
+        self.result = result
+
+
 def identify(
     campaign: Campaign, options: Options = Options(), jobs: int = 1, advance: Advance = lambda **_: None
 ) -> Identification:
@@ -65,21 +78,28 @@ def identify(
     axles = [Axles(s.responses.vehicle.spectra, s.runs.speed, campaign.vehicle) for s in speeds]
     axles = [a for a in axles if can_balance(a.data)]
     lags = fit_lags(axles) if axles and options.delays else None
-    modes: dict[str, list[SpeedResult]] = {}
+    provenance = {"campaign": campaign.name, "files": dict(campaign.hashes), "modes": list(options.modes)}
+    result = Identification(campaign.vehicle, options.slip, {}, provenance)
     for mode in options.modes:
         together = _vehicle(speeds, campaign, options, lags) if mode == "shared" else None
-        start = {r.speed_kmh: r for r in modes.get("per-speed", [])}
+        start = {r.speed_kmh: r for r in result.modes.get("per-speed", [])}
 
         def one(speed: Measured, together: VehicleIdentification | None = together, mode: str = mode) -> SpeedResult:
             vehicle = together or _vehicle([speed], campaign, options, lags)
-            result = _at_speed(speed, vehicle, campaign, options, start.get(speed.runs.speed_kmh))  # noqa: B023
+            found = _at_speed(speed, vehicle, campaign, options, start.get(speed.runs.speed_kmh))  # noqa: B023
             advance(note=f"{speed.runs.speed_kmh:g} km/h, {mode}")
-            return result
+            return found
 
+        result.modes[mode] = []
         with ThreadPoolExecutor(max_workers=jobs) as pool:
-            modes[mode] = list(pool.map(one, speeds))
-    provenance = {"campaign": campaign.name, "files": dict(campaign.hashes), "modes": list(options.modes)}
-    return Identification(campaign.vehicle, options.slip, modes, provenance)
+            waiting = [pool.submit(one, speed) for speed in speeds]
+            try:
+                for future in waiting:
+                    result.modes[mode].append(future.result())
+            except KeyboardInterrupt as stop:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise Interrupted(result) from stop
+    return result
 
 
 def _vehicle(
@@ -233,3 +253,5 @@ def _take_refined(result: SpeedResult, refinement: Refinement, speed: Measured, 
     for name in sorted(refinement.chain_.at_bound & {"r", "sigma_assist", "M_fric_C", "J_ref", "b_ref"}):
         label = "c_pin_off" if name == "r" else name
         result.notes.append(f"{label} ended at its bound and is not identified here")
+    if "M_fric_C" in refinement.chain_.at_bound:
+        result.std.pop("c_fric", None)  # the stiffness of no friction is nothing

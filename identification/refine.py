@@ -27,6 +27,7 @@ from steer_env.physics._jit import compiled
 from steer_env.physics.assist import assist
 from steer_env.plants.reference_row import KnownVehicle
 
+TOLERANCE = 1e-7  # a ten thousandth of a standard error, at a third of the simulations
 SWEEP_FRICTION = "M_fric_C_sweep"
 BOUNDS = {"J_ref": (0.002, 0.6), "b_ref": (-5.0, 10.0), **STEADY_BOUNDS, SWEEP_FRICTION: (0.0, 15.0)}
 UNKNOWNS = ("J_ref", "b_ref", "r", "sigma_assist", "M_fric_C", "c_fric")
@@ -60,7 +61,7 @@ class Refinement:
         start = {n: chain.values[n] for n in names}
         if sweeps and sines:
             start[SWEEP_FRICTION] = chain.values["M_fric_C"]
-        self.chain_ = chain.copy().fit([misfit], start, BOUNDS)
+        self.chain_ = self._fit_from(start, misfit, chain)
         self.misfit_ = misfit
         values = self.chain_.values
         swept = np.concatenate([run.channels["torsion_bar_torque_Nm"] for run in sweeps])
@@ -74,6 +75,20 @@ class Refinement:
         self.std_ = {n: e for n, e in self.chain_.std_.items() if n in BOUNDS}
         self.std_["k_gain"] = self.chain_.error_of(lambda v: equivalent_gain(swept, v["r"], v["sigma_assist"]))
         return self
+
+
+    def _fit_from(self, start: dict[str, float], misfit: ForwardMisfit | TorqueMisfit, chain: Chain) -> Chain:
+        """Fit from step III; a car without assist curve or friction is far from there, so from step II too if closer.
+
+        A constant gain 1 + k_gain is the limit of Eq. 14 for a small sigma: r = 1 / (1 + k_gain).
+        """
+        found = chain.copy().fit([misfit], start, BOUNDS, TOLERANCE)
+        linear = dict.fromkeys((n for n in (SWEEP_FRICTION, "M_fric_C") if n in start), 0.01)
+        linear |= {"r": 1.0 / (1.0 + chain.values["k_gain"]), "sigma_assist": 0.1}
+        linear = {**start, **linear, "J_ref": chain.values["J_ref"], "b_ref": chain.values["b_ref"]}
+        if np.sum(misfit.residual({**chain.values, **linear}) ** 2) >= np.sum(misfit.residual(found.values) ** 2):
+            return found
+        return chain.copy().fit([misfit], linear, BOUNDS, TOLERANCE)
 
 
 def equivalent_gain(M_tb: Floats, r: float, sigma: float) -> float:

@@ -9,11 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from identification.frf import Complexes, Floats, FrequencyResponse
+from identification.steady_state import C_FRIC, SIGMA
 from steer_env.plants.reference_file import ReferenceFile
 from steer_env.plants.reference_row import KnownVehicle, ReferenceRow
 
 KEYS = tuple(n for n in ReferenceRow._fields if n != "speed_kmh")
 LARGEST_RELATIVE_ERROR = 0.5  # a value whose standard error exceeds half of it is not identified
+# What the paper selects beforehand (values: field values, our assumption), or what a car may simply not have.
+FALLBACK = {"sigma_assist": SIGMA, "c_fric": C_FRIC, "M_fric_C": 0.0}
 SIGNED = ("b_ref", "k_gain")  # may be near zero and still be well known
 
 
@@ -76,16 +79,18 @@ class Identification:
         """The reference of one mode, or None where some key was identified at no speed at all.
 
         A key that was not identified at a speed is taken from the line through its two nearest identified speeds and
-        listed in ``extrapolated``.
+        listed in ``extrapolated``; so is one of FALLBACK where no speed told it.
         """
         results = self.modes[mode]
         known = {n: [r for r in results if n not in r.unidentified()] for n in KEYS}
-        if not results or any(not found for found in known.values()):
+        if not results or self.missing_keys(mode):
             return None
         rows, gaps = [], []
         for result in results:
             missing = tuple(n for n in KEYS if result not in known[n])
-            filled = {n: _from_neighbours(result.speed_kmh, n, known[n]) for n in missing}
+            filled = {
+                n: _from_neighbours(result.speed_kmh, n, known[n]) if known[n] else FALLBACK[n] for n in missing
+            }
             row = {n: filled.get(n, result.values.get(n, math.nan)) for n in KEYS}
             row["c_pin_off"] = min(row["c_pin_off"], row["c_pin_on"])
             rows.append(ReferenceRow(speed_kmh=result.speed_kmh, **row))
@@ -95,8 +100,11 @@ class Identification:
         return ReferenceFile(self.vehicle, tuple(rows), self.slip, std, frf, tuple(gaps), dict(self.provenance))
 
     def missing_keys(self, mode: str) -> list[str]:
-        """Keys that no speed identified: why there is no reference."""
-        return [n for n in KEYS if all(n in r.unidentified() for r in self.modes[mode])]
+        """Keys that no speed identified and that have no fallback: why there is no reference."""
+        results = self.modes[mode]
+        refined = any("refine" not in r.skipped for r in results)
+        never = [n for n in KEYS if all(n in r.unidentified() for r in results)]
+        return [n for n in never if n not in FALLBACK or not refined]
 
 
 def _from_neighbours(speed_kmh: float, name: str, known: Sequence[SpeedResult]) -> float:

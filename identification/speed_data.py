@@ -8,7 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.campaign import Campaign, Run
-from identification.frf import NEIGHBOURS, FrequencyResponse, Spectra, derivative, frequency_response, spectra
+from identification.frf import (
+    NEIGHBOURS,
+    FrequencyResponse,
+    Spectra,
+    derivative,
+    frequency_response,
+    spectra,
+)
 from identification.vehicle import SpeedData
 from steer_env.plants.reference_row import KnownVehicle
 

@@ -112,9 +112,16 @@ class Chain:
         )  # fmt: skip
 
     def fit(
-        self, problems: Sequence[Problem], start: Values, bounds: Mapping[str, tuple[float, float]]
+        self,
+        problems: Sequence[Problem],
+        start: Values,
+        bounds: Mapping[str, tuple[float, float]],
+        tolerance: float = 1e-10,
     ) -> Chain:
-        """Fit the names in ``start`` within ``bounds`` with everything else held; returns self."""
+        """Fit the names in ``start`` within ``bounds`` with everything else held; returns self.
+
+        ``tolerance`` is the relative change of cost and parameters that ends the search.
+        """
         names = list(start)
         lower, upper = np.array([bounds[n] for n in names], dtype=float).T
         scale = np.maximum(np.abs([start[n] for n in names]), 1e-3 * (upper - lower))
@@ -125,7 +132,7 @@ class Chain:
 
         inside = np.clip(list(start.values()), lower + 1e-6 * (upper - lower), upper - 1e-6 * (upper - lower))
         found = least_squares(
-            residual, inside / scale, bounds=(lower / scale, upper / scale), xtol=1e-9, ftol=1e-10, gtol=1e-12
+            residual, inside / scale, bounds=(lower / scale, upper / scale), xtol=tolerance, ftol=tolerance, gtol=1e-14
         )
         x = found.x * scale
         self.values.update(zip(names, map(float, x), strict=True))

@@ -24,7 +24,7 @@ from steer_env.plants.reference_row import KnownVehicle
 STEADY_HZ = 0.2
 SIGMA = 1.8  # N m, preselected: the paper gives none; assumption of field.md 4.2
 C_FRIC = 200.0  # N m/rad, preselected: assumption of field.md 4.1
-BOUNDS = {"r": (0.0, 1.0), "sigma_assist": (0.3, 10.0), "M_fric_C": (0.0, 15.0), "c_fric": (20.0, 3000.0)}
+BOUNDS = {"r": (0.0, 1.0), "sigma_assist": (0.05, 10.0), "M_fric_C": (0.0, 15.0), "c_fric": (20.0, 3000.0)}
 
 
 @dataclass

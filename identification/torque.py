@@ -172,14 +172,19 @@ def rack_torque(
 
 
 def block_scores(error: Floats, jacobian: Floats, sizes: Sequence[int], runs: Sequence[Run], speed: float) -> Scores:
-    """Scores of a time-domain residual, summed within blocks of BLOCK_S; ``sizes`` are the samples of each run."""
+    """Scores of a time-domain residual, summed within blocks of BLOCK_S; ``sizes`` are the samples of each run.
+
+    The same block of repeated runs is one cluster: what the model leaves out repeats, and must not count as averaged.
+    """
     found: Scores = {}
     first = 0
-    for number, (run, size) in enumerate(zip(runs, sizes, strict=True)):
+    for run, size in zip(runs, sizes, strict=True):
         length = max(1, round(BLOCK_S / run.dt))
         for start in range(first, first + size, length):
             part = slice(start, min(start + length, first + size))
-            found[(speed, "block", number, start)] = jacobian[part].T @ error[part]
+            key = (speed, "block", run.manoeuvre, start - first)
+            score = jacobian[part].T @ error[part]
+            found[key] = found[key] + score if key in found else score
         first += size
     inflate = np.sqrt(len(found) / max(len(found) - jacobian.shape[1], 1.0))
     return {key: inflate * score for key, score in found.items()}

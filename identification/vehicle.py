@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identification.axles import Axles, can_balance, fit_axles
+from identification.axles import Axles, can_balance, fit_axles, fit_lags
 from identification.frf import Complexes, Floats, FrequencyResponse, Spectra
 from identification.stages import Chain, Model, ResponseTerm, Values
 from identification.vehicle_bounds import BOUNDS, LOW_HZ, START, YAW_INERTIA_TOLERANCE
@@ -111,14 +111,17 @@ class VehicleIdentification:
         theory = self.vehicle.yaw_inertia
         bounds = {**BOUNDS, "J_z": (theory * (1 - YAW_INERTIA_TOLERANCE), theory * (1 + YAW_INERTIA_TOLERANCE))}
         self.skipped_: dict[str, str] = {}
+        axles = [Axles(d.spectra, d.speed, self.vehicle) for d in data]
+        balanced = bool(axles) and all(can_balance(a.data) for a in axles)
+        if lags is None and self.lags and balanced:
+            lags = fit_lags(axles)
         known = lags.copy() if lags is not None else Chain({})
         lag_values = {n: v for n, v in known.values.items() if n.startswith("delay")}
         self._unknown_lags = self.lags and lags is None
         self.stepwise_ = replace(known.copy(), values={**START, "J_z": theory, **lag_values}, at_bound=set())
         self._fit_body(data, bounds)
         self._fit_rack(data, bounds)
-        axles = [Axles(d.spectra, d.speed, self.vehicle) for d in data]
-        if axles and all(can_balance(a.data) for a in axles):
+        if balanced:
             begin = {**self.stepwise_.values, **lag_values}
             self.chain_ = fit_axles(axles, replace(known, values=begin, at_bound=set()))
         else:

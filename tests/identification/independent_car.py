@@ -128,53 +128,55 @@ def simulate(cars, references, duration):
     return {k: np.array(v) for k, v in log.items()}
 
 
-def channels(log, column, car, noise=None, rng=None):
-    """Contract channels of one run; noise and latency added when asked for."""
-    clean = {
-        "steering_angle_rad": (log["steer"][:, column], "angle", "latency_robot"),
-        "steering_torque_Nm": (log["M_s"][:, column], "robot_torque", "latency_robot"),
-        "pinion_angle_rad": (log["pin"][:, column], "angle", None),
-        "torsion_bar_torque_Nm": (log["M_tb"][:, column], "torque", "latency_bar_torque"),
-        "rack_force_N": (log["rack"][:, column], "rack_force", "latency_rack"),
-        "lateral_speed_mps": (log["vy"][:, column], "lateral_speed", "latency_imu"),
-        "yaw_rate_radps": (log["yaw"][:, column], "yaw_rate", "latency_imu"),
-        "lateral_acceleration_mps2": (log["ay"][:, column], "acceleration", "latency_imu"),
-    }
-    time = np.arange(log["steer"].shape[0]) * STEP * LOG_EVERY
+CHANNELS = {
+    "steering_angle_rad": ("steer", "angle", "latency_robot"),
+    "steering_torque_Nm": ("M_s", "robot_torque", "latency_robot"),
+    "pinion_angle_rad": ("pin", "angle", None),
+    "torsion_bar_torque_Nm": ("M_tb", "torque", "latency_bar_torque"),
+    "rack_force_N": ("rack", "rack_force", "latency_rack"),
+    "lateral_speed_mps": ("vy", "lateral_speed", "latency_imu"),
+    "yaw_rate_radps": ("yaw", "yaw_rate", "latency_imu"),
+    "lateral_acceleration_mps2": ("ay", "acceleration", "latency_imu"),
+}
+
+
+def logged(run, noise=None, rng=None):
+    """Contract channels of one driven run; noise and latency added when asked for."""
+    time, car = run["time"], run["car"]
     out = {"vehicle_speed_mps": np.full(time.size, car.speed)}
-    for name, (value, kind, latency) in clean.items():
-        signal = value
+    for name, (signal, kind, latency) in CHANNELS.items():
+        values = run["log"][signal]
         if noise is not None:
             delay = getattr(noise, latency) if latency else 0.0
             if delay:
-                signal = CubicSpline(time, signal)(np.maximum(time - delay, 0.0))
-            signal = signal + rng.normal(0.0, getattr(noise, kind), signal.size)
-        out[name] = signal
+                # A spline, because straight lines between samples would filter as well as delay.
+                values = CubicSpline(time, values)(np.clip(time - delay, 0.0, time[-1]))
+            values = values + rng.normal(0.0, getattr(noise, kind), values.size)
+        out[name] = values
     out["sideslip_angle_rad"] = out["lateral_speed_mps"] / car.speed
-    return time, out
+    return out
 
 
-def drive(cars, *, chirps=3, sines=1, amplitude_deg=None, noise=None, rng=None):
-    """Campaign of every car: list of dicts(name, manoeuvre, speed, time, channels), chirps then sines per car.
+def drive(cars, *, chirps=2, sines=1, duration=20.0):
+    """All runs of all cars, stepped as one batch: list of dict(name, manoeuvre, speed, car, time, log), no noise.
 
-    amplitude_deg: steering-wheel amplitude per car (a value near 3 m/s2 at 0.2 Hz by default).
-    Repeated runs differ in amplitude by a few percent, as robot-driven repeats do.
+    Amplitudes give about 3 m/s2 at 0.2 Hz; repeats differ by a few percent, as robot-driven repeats do.
     """
-    amplitude = np.deg2rad(amplitude_deg if amplitude_deg is not None else [amplitude_for(c) for c in cars])
-    runs = []
-    for kind, count, duration in (("frequency_response", chirps, 20.0), ("steady_state", sines, 20.0)):
-        if count == 0:
-            continue
-        repeat = [c for c in cars for _ in range(count)]
-        largest = SWEEP_LIMIT if kind == "frequency_response" else np.inf
-        scale = np.array([min(a, largest) * (1.0 + 0.03 * k) for a in amplitude for k in range(count)])
-        shape = chirp if kind == "frequency_response" else sine
-        log = simulate(repeat, lambda t, s=scale, f=shape: f(t, 1.0)[:, None] * s, duration)
-        for column, car in enumerate(repeat):
-            time, values = channels(log, column, car, noise, rng)
-            runs.append({"name": f"{round(car.speed * 3.6):03d}_{kind}_{column % count + 1}", "manoeuvre": kind,
-                         "speed": car.speed, "time": time, "channels": values})  # fmt: skip
-    return runs
+    plan = []
+    for car in cars:
+        amplitude = np.deg2rad(amplitude_for(car))
+        for kind, count, shape in (("frequency_response", chirps, chirp), ("steady_state", sines, sine)):
+            largest = SWEEP_LIMIT if shape is chirp else np.inf
+            plan += [(car, kind, k, shape, min(amplitude, largest) * (1.0 + 0.03 * k)) for k in range(count)]
+    log = simulate(
+        [p[0] for p in plan], lambda t: np.column_stack([shape(t, size) for *_, shape, size in plan]), duration
+    )
+    time = np.arange(log["steer"].shape[0]) * STEP * LOG_EVERY
+    return [
+        {"name": f"{round(car.speed * 3.6):03d}_{kind}_{k + 1}", "manoeuvre": kind, "speed": car.speed, "car": car,
+         "time": time, "log": {name: values[:, column] for name, values in log.items()}}
+        for column, (car, kind, k, *_) in enumerate(plan)
+    ]  # fmt: skip
 
 
 def amplitude_for(car, acceleration=3.0):
