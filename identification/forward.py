@@ -87,7 +87,7 @@ class Inputs:
 class ForwardMisfit:
     """Error of the simulated torsion-bar torque over the runs of one speed in m/s; a ``stages.Problem``.
 
-    ``bar`` is (c_tb in N m/rad, b_tb in N m s/rad). The mean error of each run is taken out, and both torques pass the
+    ``bar`` is (c_tb in N m/rad, b_tb in N m s/rad); ``weights`` multiply the errors of a manoeuvre. The mean error of each run is taken out, and both torques pass the
     same zero-phase band limit.
     """
 
@@ -96,6 +96,7 @@ class ForwardMisfit:
     vehicle: KnownVehicle
     slip: str
     bar: tuple[float, float]
+    weights: dict[str, float] = field(default_factory=dict)
     _signals: list[dict[str, BandLimited]] = field(init=False, repr=False)
     _inputs: tuple[tuple[float, ...], list[Inputs]] | None = field(default=None, repr=False)
 
@@ -118,7 +119,7 @@ class ForwardMisfit:
         for run, inputs, kernel in zip(self.runs, self.inputs(values), self._filters, strict=True):
             error = inputs.M_tb - self.simulate(inputs, run.dt, friction_of(run, values))
             kept = fftconvolve(error, kernel, mode="same")[inputs.keep]
-            parts.append(kept - kept.mean())
+            parts.append((kept - kept.mean()) * self.weights.get(run.manoeuvre, 1.0))
         return np.concatenate(parts)
 
     def simulate(self, inputs: Inputs, dt: float, values: Values) -> Floats:
@@ -132,8 +133,11 @@ class ForwardMisfit:
 
     def scores(self, jacobian: Floats, values: Values) -> Scores:
         """One cluster per block of a run."""
-        sizes = [i.M_tb[i.keep].size for i in self.inputs(values)]
-        return block_scores(self.residual(values), jacobian, sizes, self.runs, self.speed)
+        return block_scores(self.residual(values), jacobian, self.sizes(values), self.runs, self.speed)
+
+    def sizes(self, values: Values) -> list[int]:
+        """Kept samples of each run."""
+        return [i.M_tb[i.keep].size for i in self.inputs(values)]
 
     def inputs(self, values: Values) -> list[Inputs]:
         """The runs shifted by the lags in ``values``; kept until those change."""

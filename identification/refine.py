@@ -19,7 +19,7 @@ from identification import forward
 from identification.campaign import Run
 from identification.forward import ForwardMisfit
 from identification.frf import Floats
-from identification.stages import Chain
+from identification.stages import Chain, Values
 from identification.steady_state import BOUNDS as STEADY_BOUNDS
 from identification.steady_state import assist_parameters
 from identification.torque import TorqueMisfit
@@ -61,7 +61,9 @@ class Refinement:
         start = {n: chain.values[n] for n in names}
         if sweeps and sines:
             start[SWEEP_FRICTION] = chain.values["M_fric_C"]
-        self.chain_ = self._fit_from(start, misfit, chain)
+        first = self._fit_from(start, misfit, chain)
+        misfit.weights = manoeuvre_weights(misfit, first.values)
+        self.chain_ = chain.copy().fit([misfit], {n: first.values[n] for n in start}, BOUNDS, TOLERANCE)
         self.misfit_ = misfit
         values = self.chain_.values
         swept = np.concatenate([run.channels["torsion_bar_torque_Nm"] for run in sweeps])
@@ -89,6 +91,21 @@ class Refinement:
         if np.sum(misfit.residual({**chain.values, **linear}) ** 2) >= np.sum(misfit.residual(found.values) ** 2):
             return found
         return chain.copy().fit([misfit], linear, BOUNDS, TOLERANCE)
+
+
+def manoeuvre_weights(misfit: ForwardMisfit | TorqueMisfit, values: Values) -> dict[str, float]:
+    """One over the root mean square error of each manoeuvre, relative to their geometric mean.
+
+    A sweep holds what the model leaves out at speed; without weights that error would bend the assist curve, which the
+    slow sine knows far better.
+    """
+    squares: dict[str, list[float]] = {}
+    parts = np.split(misfit.residual(values), np.cumsum(misfit.sizes(values))[:-1])
+    for run, error in zip(misfit.runs, parts, strict=True):
+        squares.setdefault(run.manoeuvre, []).append(float(np.mean(error**2)))
+    rms = {name: float(np.sqrt(np.mean(found))) for name, found in squares.items()}
+    middle = float(np.exp(np.mean(np.log(list(rms.values())))))
+    return {name: middle / value for name, value in rms.items()}
 
 
 def equivalent_gain(M_tb: Floats, r: float, sigma: float) -> float:

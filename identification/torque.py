@@ -67,7 +67,7 @@ class TorqueMisfit:
 
     ``terms`` names what enters the prediction besides K_assist: any of "inertia", "damping", "rack" (measured or
     modelled load), "stiffness" (c_pin_on times the angle in its place) and "friction". The mean error of each run is
-    taken out: sensor offsets carry no information.
+    taken out: sensor offsets carry no information. ``weights`` multiply the errors of a manoeuvre.
     """
 
     runs: Sequence[Run]
@@ -75,6 +75,7 @@ class TorqueMisfit:
     vehicle: KnownVehicle
     slip: str
     terms: frozenset[str]
+    weights: dict[str, float] = field(default_factory=dict)
     _signals: list[dict[str, BandLimited]] = field(init=False, repr=False)
     _prepared: tuple[tuple[float, ...], list[Prepared]] | None = field(default=None, repr=False)
 
@@ -96,7 +97,7 @@ class TorqueMisfit:
         for run, prepared, kernel in zip(self.runs, self.prepared(values), self._filters, strict=True):
             predicted = self.predict(prepared, friction_of(run, values))
             error = fftconvolve(prepared.M_tb - predicted, kernel, mode="same")[prepared.keep]
-            parts.append(error - error.mean())
+            parts.append((error - error.mean()) * self.weights.get(run.manoeuvre, 1.0))
         return np.concatenate(parts)
 
     def predict(self, run: Prepared, values: Values) -> Floats:
@@ -118,8 +119,11 @@ class TorqueMisfit:
 
     def scores(self, jacobian: Floats, values: Values) -> Scores:
         """One cluster per block of a run."""
-        sizes = [p.M_tb[p.keep].size for p in self.prepared(values)]
-        return block_scores(self.residual(values), jacobian, sizes, self.runs, self.speed)
+        return block_scores(self.residual(values), jacobian, self.sizes(values), self.runs, self.speed)
+
+    def sizes(self, values: Values) -> list[int]:
+        """Kept samples of each run."""
+        return [p.M_tb[p.keep].size for p in self.prepared(values)]
 
     def prepared(self, values: Values) -> list[Prepared]:
         """The runs shifted by the lags in ``values`` and with their rack torque; kept until those change."""
