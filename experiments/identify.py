@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -90,28 +91,11 @@ def _vehicle(
     campaign: Any, mode: str, slip: str, lags: bool, out: Path, jobs: int, quiet: bool, as_json: bool
 ) -> None:
     """Steps I to III and the refinement, report and reference."""
-    from experiments.report.identify import write_identify_report
-    from identification.identify import MODES, Interrupted, Options, identify
-    from steer_env.plants.reference_file import write_reference
+    from identification.identify import MODES, Options
 
     modes = MODES if mode == "both" else (mode,)
-    speeds = len({run.speed_kmh for run in campaign.runs})
-    with progress("identify", total=speeds * len(modes) + 1, quiet=quiet) as advance:
-        try:
-            result = identify(campaign, Options(modes, slip, lags), jobs, advance)
-        except Interrupted as stop:
-            _keep_partial(stop.result, out)
-            raise
-        result.provenance.update(
-            software=f"steer-env {__version__}", date=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-        )
-        with atomic.folder(out) as folder:
-            for name in modes:
-                reference = result.reference(name)
-                if reference is not None:
-                    write_reference(folder / _file_name(name, modes), reference)
-            write_identify_report(campaign, result, folder / "report.html")
-        advance(note="report")
+    with progress("identify", total=steps_of(campaign, len(modes)), quiet=quiet) as advance:
+        result = identify_into(out, campaign, Options(modes, slip, lags), jobs, advance)
     missing = {name: result.missing_keys(name) for name in modes}
     if as_json:
         print_json(_document(result, modes, out))
@@ -126,6 +110,35 @@ def _vehicle(
         else:
             click.echo(f"{path}")
     click.echo(f"{out / 'report.html'}")
+
+
+def steps_of(campaign: Any, modes: int) -> int:
+    """How often ``identify_into`` advances."""
+    return len({run.speed_kmh for run in campaign.runs}) * modes + 1
+
+
+def identify_into(out: Path, campaign: Any, options: Any, jobs: int, advance: Callable[..., None]) -> Any:
+    """Identify a vehicle campaign and write its references and report to ``out``; return the Identification."""
+    from experiments.report.identify import write_identify_report
+    from identification.identify import Interrupted, identify
+    from steer_env.plants.reference_file import write_reference
+
+    try:
+        result = identify(campaign, options, jobs, advance)
+    except Interrupted as stop:
+        _keep_partial(stop.result, out)
+        raise
+    result.provenance.update(
+        software=f"steer-env {__version__}", date=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    )
+    with atomic.folder(out) as folder:
+        for name in options.modes:
+            reference = result.reference(name)
+            if reference is not None:
+                write_reference(folder / _file_name(name, options.modes), reference)
+        write_identify_report(campaign, result, folder / "report.html")
+    advance(note="report")
+    return result
 
 
 def _keep_partial(result: Any, out: Path) -> None:
