@@ -100,7 +100,11 @@ def _identified(report: Report, found: Identification, judged: Sequence[dict[str
     )
     pinion = identify_figures.response(speeds, "pinion_angle", "rad/(N m)")
     if pinion is not None:
-        report.figure(pinion, "Pinion angle per torsion-bar torque: measured, and the fitted reference.")
+        report.figure(
+            pinion,
+            "Pinion angle per torsion-bar torque. Lines: Eq. 10 with linearised assist and without "
+            "friction; what differs below 1 Hz is the assist curve and friction, found from the loops below.",
+        )
     loops = identify_figures.loops(speeds)
     if loops is not None:
         report.figure(loops, "Torque over angle at 0.2 Hz: what the driver feels in a slow corner.")
