@@ -1,0 +1,33 @@
+"""What the README tells a user to type, typed."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from click.testing import CliRunner
+
+from experiments.cli import COMMANDS, main
+
+README = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
+
+
+def test_the_environment_example_runs():
+    """Catches an example that no longer matches the names, arguments or return values of the package."""
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    assert "found/reference.json" in code
+    code = code.replace("found/reference.json", "published").replace("10_000", "400")
+    names: dict = {}
+    exec(code, names)
+    assert np.isfinite(names["observation"]).all()
+    assert abs(names["info"]["error"]) < 5.0
+
+
+def test_every_command_in_the_readme_exists():
+    """Catches a command or an option that was renamed."""
+    lines = re.findall(r"bin/steer-env ([a-z-]+)([^#\n]*)", README)
+    assert len(lines) >= 5
+    for name, rest in lines:
+        assert name in COMMANDS, name
+        help_text = CliRunner().invoke(main, [name, "--help"]).output
+        for option in re.findall(r"--[a-z]+", rest):
+            assert option in help_text, (name, option)
