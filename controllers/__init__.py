@@ -34,19 +34,11 @@ CAUSALITIES = ("impedance", "admittance")
 __all__ = ["CAUSALITIES", "CONTROLLERS", "make"]
 
 
-def make(
-    name: str, plant: Plant, reference: Reference, causality: str, **gains: float
-) -> Controller:
+def make(name: str, plant: Plant, reference: Reference, causality: str, **gains: float) -> Controller:
     """A controller by its name, for a plant, a reference and "impedance" or "admittance"."""
     if name not in CONTROLLERS:
-        raise InputError(
-            "controller", f"{name!r} is not known", f"use one of {', '.join(CONTROLLERS)}"
-        )
+        raise InputError("controller", f"{name!r} is not known", f"use one of {', '.join(CONTROLLERS)}")
     if causality not in CAUSALITIES:
-        raise InputError(
-            "causality", f"{causality!r} is not known", f"use one of {', '.join(CAUSALITIES)}"
-        )
-    controller: Controller = import_module(CONTROLLERS[name]).make(
-        plant, reference, causality, **gains
-    )
+        raise InputError("causality", f"{causality!r} is not known", f"use one of {', '.join(CAUSALITIES)}")
+    controller: Controller = import_module(CONTROLLERS[name]).make(plant, reference, causality, **gains)
     return controller

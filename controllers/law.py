@@ -44,9 +44,7 @@ def with_gains(parameters: Any, gains: Mapping[str, float], where: str) -> Any:
     """Parameters with some fields replaced; an unknown name or a bad value is an InputError."""
     for name in gains:
         if name not in parameters._fields:
-            raise InputError(
-                where, f"there is no gain {name!r}", f"use one of {', '.join(parameters._fields)}"
-            )
+            raise InputError(where, f"there is no gain {name!r}", f"use one of {', '.join(parameters._fields)}")
     changed = parameters._replace(**{name: float(value) for name, value in gains.items()})
     check_ranges(changed, where)
     return changed

@@ -44,28 +44,14 @@ class MapParameters(NamedTuple):
     J_pin: Annotated[float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, _N)]
     M_fric: Annotated[float, Quantity("N m", "lower-body friction", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
-    lead: Annotated[
-        float, Quantity("s", "phase lead of the boost", 0.0, 0.1, "assumption: two loop delays")
-    ]
-    lead_bandwidth: Annotated[
-        float, Quantity("rad/s", "filter of the lead", 1.0, 1e4, "assumption: 1.5 / delay")
-    ]
-    boost_limit: Annotated[
-        float, Quantity("-", "largest boost M_eff / M_tb", 1.0, 50.0, "assumption")
-    ] = 6.5
-    gain_limit: Annotated[
-        float, Quantity("-", "largest boost slope for fast torque", 1.0, 50.0, "assumption")
-    ] = 5.0
-    slow_bandwidth: Annotated[
-        float, Quantity("rad/s", "what counts as slow", 0.1, 1e3, "assumption: 3 Hz")
-    ] = 20.0
+    lead: Annotated[float, Quantity("s", "phase lead of the boost", 0.0, 0.1, "assumption: two loop delays")]
+    lead_bandwidth: Annotated[float, Quantity("rad/s", "filter of the lead", 1.0, 1e4, "assumption: 1.5 / delay")]
+    boost_limit: Annotated[float, Quantity("-", "largest boost M_eff / M_tb", 1.0, 50.0, "assumption")] = 6.5
+    gain_limit: Annotated[float, Quantity("-", "largest boost slope for fast torque", 1.0, 50.0, "assumption")] = 5.0
+    slow_bandwidth: Annotated[float, Quantity("rad/s", "what counts as slow", 0.1, 1e3, "assumption: 3 Hz")] = 20.0
     damping: Annotated[float, Quantity("N m s/rad", "base damping", 0.0, 20.0, "assumption")] = 0.5
-    inertia_share: Annotated[
-        float, Quantity("-", "share of J_pin that is compensated", 0.0, 1.0, "assumption")
-    ] = 0.3
-    friction_share: Annotated[
-        float, Quantity("-", "share of M_fric that is compensated", 0.0, 1.0, "assumption")
-    ] = 0.5
+    inertia_share: Annotated[float, Quantity("-", "share of J_pin that is compensated", 0.0, 1.0, "assumption")] = 0.3
+    friction_share: Annotated[float, Quantity("-", "share of M_fric that is compensated", 0.0, 1.0, "assumption")] = 0.5
     notch: Notch = Notch()
 
 
@@ -125,11 +111,7 @@ def boost_law(o: Observation, x: MapState, p: MapParameters) -> tuple[float, Map
 def reference_torque_law(o: Observation, x: MapState, p: MapParameters) -> tuple[float, MapState]:
     """Steer-by-wire, impedance: the reference torque without its inertia term."""
     felt = felt_at(o.speed, p.schedule)
-    M_eff = (
-        o.effective_torque
-        - felt.J_ref * o.pinion_acceleration
-        + base_damping(felt, p) * o.pinion_rate
-    )
+    M_eff = o.effective_torque - felt.J_ref * o.pinion_acceleration + base_damping(felt, p) * o.pinion_rate
     torque, notch = notch_step(torque_of(M_eff, felt), x.notch, p.notch)
     return -torque / p.motor_ratio, MapState(0.0, 0.0, 0.0, 0.0, o.pinion_angle, notch)
 
@@ -139,11 +121,7 @@ def angle_map_law(o: Observation, x: MapState, p: MapParameters) -> tuple[float,
     """Steer-by-wire, admittance: torque from angle, rate and speed."""
     felt = felt_at(o.speed, p.schedule)
     friction = dahl_step(x.felt_friction, o.pinion_angle - x.angle, felt.M_fric_C, felt.c_fric)
-    M_eff = (
-        felt.stiffness * o.pinion_angle
-        + (felt.b_ref + base_damping(felt, p)) * o.pinion_rate
-        + friction
-    )
+    M_eff = felt.stiffness * o.pinion_angle + (felt.b_ref + base_damping(felt, p)) * o.pinion_rate + friction
     torque, notch = notch_step(torque_of(M_eff, felt), x.notch, p.notch)
     return -torque / p.motor_ratio, MapState(0.0, 0.0, 0.0, friction, o.pinion_angle, notch)
 
@@ -167,8 +145,6 @@ def make(plant: Plant, reference: Reference, causality: str, **gains: float) -> 
         )
         return with_gains(parameters, gains, "open_loop_map")
 
-    if plant.rack_share > 0.5:
-        law = boost_law
-    else:
-        law = reference_torque_law if causality == "impedance" else angle_map_law
+    steer_by_wire = {"impedance": reference_torque_law, "admittance": angle_map_law}
+    law = boost_law if plant.rack_share > 0.5 else steer_by_wire[causality]
     return LawController(law, for_period, MapState())

@@ -7,6 +7,10 @@ Feed-forward (theory.md, section 3): reference (4) minus plant (2) says what the
 where the car loads the lower body, and i M_mot = J_pin a + b_pin w + M_fric - M_tb,ref for
 steer-by-wire. Written once for both: i M_mot = J_pin a + b_pin w + M_fric + share M_load - M_tb,ref
 with M_load = M_eff - J_ref a - b_ref w - M_ref,fric.
+
+Where it ends: at 15 km/h the tables have no off-centre stiffness and b_ref = -1.24 N m s/rad, so the
+assist's slope exceeds 100 and the admittance generator is unstable by itself while friction sticks
+(growth 7.5 1/s, 2.1 1/s at 30 km/h). Angle tracking there diverges off centre; torque tracking holds.
 """
 
 from __future__ import annotations
@@ -22,6 +26,8 @@ from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
 from steer_env.physics.friction import dahl_step
 from steer_env.plants import Plant, Reference
+
+CUT = 1e-3  # N m at the motor: a command cut by more than this met a limit, not a rounding
 
 
 class PidState(NamedTuple):
@@ -53,15 +59,14 @@ def least_damping(felt: Felt, p: PidParameters) -> float:
 
 
 @scalar
-def saturation(observation: Observation, x: PidState, p: PidParameters) -> float:
-    """Torque in N m at the lower body that the motor's limits took from the last command."""
-    return (observation.last_torque_1 - x.commanded) * p.motor_ratio
+def integrated(integral: float, rate: float, o: Observation, x: PidState, p: PidParameters) -> float:
+    """Integral in N m one period on; it waits while the motor's limits cut the command.
 
-
-@scalar
-def integrated(integral: float, rate: float, cut: float, p: PidParameters) -> float:
-    """Integral in N m one period on; it runs back while the motor is limited (anti-windup)."""
-    return integral + p.period * (rate + cut / (4.0 * p.delay))
+    Running it back instead (back-calculation) would charge it with whatever feed-forward asks in
+    excess of the motor.
+    """
+    limited = abs(o.last_torque_1 - x.commanded) > CUT
+    return integral if limited else integral + p.period * rate
 
 
 @scalar
@@ -87,21 +92,17 @@ def torque_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pi
     a_1 = low_pass(x.acceleration_1, o.pinion_acceleration, p.acceleration_bandwidth, p.period)
     a_2 = low_pass(x.acceleration_2, a_1, p.acceleration_bandwidth, p.period)
     friction = dahl_step(x.friction, o.pinion_angle - x.friction_angle, p.M_fric, p.c_fric)
-    felt_friction = dahl_step(
-        x.reference_friction, o.pinion_angle - x.reference_angle, felt.M_fric_C, felt.c_fric
-    )
+    felt_friction = dahl_step(x.reference_friction, o.pinion_angle - x.reference_angle, felt.M_fric_C, felt.c_fric)
     load = load_of(o, o.pinion_acceleration, o.pinion_rate, felt_friction, felt)
     # The wide-band acceleration would close a loop around the motor's own torque: the reference
     # gets the filtered one.
     lack = least_damping(felt, p)
     damping = (1.0 - p.bar_damping) * lack * o.pinion_rate
-    wanted = torque_of(
-        o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2) + damping, felt
-    )
+    wanted = torque_of(o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2) + damping, felt)
 
     gain = matched_gain(felt, p)
     error = wanted - o.torsion_bar_torque
-    integral = integrated(x.integral, -p.torque_integral * error, saturation(o, x, p), p)
+    integral = integrated(x.integral, -p.torque_integral * error, o, x, p)
     torque = low_pass(x.torque, o.torsion_bar_torque, p.derivative_bandwidth, p.period)
     lead = p.bar_damping * ((1.0 + gain) * p.delay + lack / p.c_tb)
     bar = lead * p.derivative_bandwidth * (o.torsion_bar_torque - torque)
@@ -134,9 +135,7 @@ def angle_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pid
     """Admittance: feed-forward from reference motion and measured torque, PID on angle error."""
     felt = felt_at(o.speed, p.schedule)
     friction = dahl_step(x.friction, o.pinion_angle - x.friction_angle, p.M_fric, p.c_fric)
-    felt_friction = dahl_step(
-        x.reference_friction, o.reference - x.reference_angle, felt.M_fric_C, felt.c_fric
-    )
+    felt_friction = dahl_step(x.reference_friction, o.reference - x.reference_angle, felt.M_fric_C, felt.c_fric)
     load = load_of(o, o.reference_acceleration, o.reference_rate, felt_friction, felt)
     error = o.reference - o.pinion_angle
     error_rate = o.reference_rate - o.pinion_rate
@@ -157,9 +156,7 @@ def angle_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pid
     # reference by K / J_ref. That, not the rotor's small inertia, is what the angle loop works
     # against.
     inertia = p.rack_share * p.J_pin + (1.0 - p.rack_share) * felt.J_ref / slope
-    integral = integrated(
-        x.integral, (1.0 - yielding) * inertia * p.angle_integral * error, saturation(o, x, p), p
-    )
+    integral = integrated(x.integral, (1.0 - yielding) * inertia * p.angle_integral * error, o, x, p)
     feedback = (1.0 - yielding) * inertia * pull + integral
 
     torque = low_pass(x.torque, o.torsion_bar_torque, p.derivative_bandwidth, p.period)
@@ -193,6 +190,4 @@ def make(plant: Plant, reference: Reference, causality: str, **gains: float) -> 
     def for_period(period: float) -> PidParameters:
         return with_gains(design(plant, reference, period), gains, "pid")
 
-    return LawController(
-        torque_law if causality == "impedance" else angle_law, for_period, PidState()
-    )
+    return LawController(torque_law if causality == "impedance" else angle_law, for_period, PidState())

@@ -37,28 +37,18 @@ class PidParameters(NamedTuple):
     period: Annotated[float, Quantity("s", "control period", 1e-5, 0.05, "the loop's own")]
     delay: Annotated[float, Quantity("s", "T_d", 1e-5, 0.2, "computed from the plant")]
     motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, _N)]
-    rack_share: Annotated[
-        float, Quantity("-", "1 where the car loads the lower body, 0 for SbW", 0.0, 1.0, _N)
-    ]
+    rack_share: Annotated[float, Quantity("-", "1 where the car loads the lower body, 0 for SbW", 0.0, 1.0, _N)]
     J_pin: Annotated[float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, _N)]
     b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
-    M_fric: Annotated[
-        float, Quantity("N m", "lower-body friction that is compensated", 0.0, 20.0, _N)
-    ]
+    M_fric: Annotated[float, Quantity("N m", "lower-body friction that is compensated", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
     c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]
-    acceleration_bandwidth: Annotated[
-        float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")
-    ]
-    derivative_bandwidth: Annotated[
-        float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1.5 / T_d")
-    ]
+    acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
+    derivative_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1.5 / T_d")]
     damping_ratio: Annotated[
         float, Quantity("-", "least damping of stuck and torsion-bar modes", 0.0, 2.0, "assumption")
     ]
-    bar_damping: Annotated[
-        float, Quantity("-", "share of active torsion-bar damping", 0.0, 2.0, "0: notched instead")
-    ]
+    bar_damping: Annotated[float, Quantity("-", "share of active torsion-bar damping", 0.0, 2.0, "0: notched instead")]
     torque_lag: Annotated[
         float,
         Quantity("s", "lag of the hand's torque", 0.0, 0.1, "assumption: 1.15 T_d where notched"),
@@ -71,22 +61,14 @@ class PidParameters(NamedTuple):
         float,
         Quantity("-", "dM_eff/dM_tb beyond which the angle loop yields", 1.0, 50.0, "assumption"),
     ]
-    torque_gain: Annotated[
-        float, Quantity("-", "share of the matched torque gain", 0.0, 3.0, "assumption: 1")
-    ]
-    torque_integral: Annotated[
-        float, Quantity("1/s", "torque integral", 0.0, 1e3, "assumption: 0.02 / T_d")
-    ]
+    torque_gain: Annotated[float, Quantity("-", "share of the matched torque gain", 0.0, 3.0, "assumption: 1")]
+    torque_integral: Annotated[float, Quantity("1/s", "torque integral", 0.0, 1e3, "assumption: 0.02 / T_d")]
     angle_gain: Annotated[
         float,
         Quantity("1/s2", "angle P gain over inertia", 0.0, 1e5, "assumption: (0.075 / T_d)^2"),
     ]
-    angle_integral: Annotated[
-        float, Quantity("1/s3", "angle I gain over inertia", 0.0, 1e7, "assumption")
-    ]
-    angle_derivative: Annotated[
-        float, Quantity("1/s", "angle D gain over inertia", 0.0, 1e4, "assumption")
-    ]
+    angle_integral: Annotated[float, Quantity("1/s3", "angle I gain over inertia", 0.0, 1e7, "assumption")]
+    angle_derivative: Annotated[float, Quantity("1/s", "angle D gain over inertia", 0.0, 1e4, "assumption")]
     notch: Notch = Notch()
 
 

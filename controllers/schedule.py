@@ -38,9 +38,7 @@ def schedule_of(reference: Reference) -> NDArray[np.float64]:
         speed, p = float(row[0]), ReferenceParameters(*row[1:].tolist())
         friction = 0.0 if p.linear > 0.5 else p.M_fric_C
         stiffness = steady_stiffness(speed, p)
-        felt = Felt(
-            p.J_ref, p.b_ref, p.k_gain, friction, p.c_fric, p.r, p.sigma, stiffness, p.linear
-        )
+        felt = Felt(p.J_ref, p.b_ref, p.k_gain, friction, p.c_fric, p.r, p.sigma, stiffness, p.linear)
         rows.append((speed, *felt))
     return np.array(rows, dtype=np.float64)
 

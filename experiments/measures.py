@@ -87,7 +87,6 @@ def _slope(x: Array, y: Array) -> float:
     return float(np.sum(offset * (y - y.mean())) / np.sum(offset * offset))
 
 
-def loop_area(x: Array, y: Array) -> float:
-    """Area |closed integral of y dx| of one loop, mean over the whole cycles given."""
-    cycles = max(crossings(x, x, True).size, 1)
-    return abs(float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)))) / cycles
+def loop_area(x: Array, y: Array, cycles: int) -> float:
+    """Area |closed integral of y dx| per cycle of a closed curve that runs through ``cycles``."""
+    return abs(float(np.sum(0.5 * (y + np.roll(y, -1)) * (np.roll(x, -1) - x)))) / cycles

@@ -94,9 +94,7 @@ def response(instrument: Array, angle: Array, torque: Array) -> FrequencyRespons
         "pinion_angle_rad": angle,
     }
     data = spectra([_Recording(PERIOD, channels)], list(channels))
-    return frequency_response(
-        data, "steering_torque_Nm", "torsion_bar_torque_Nm", "pinion_angle_rad", "angle / torque"
-    )
+    return frequency_response(data, "steering_torque_Nm", "torsion_bar_torque_Nm", "pinion_angle_rad", "angle / torque")
 
 
 def analytic_response(episode: Episode, frequency_Hz: Array) -> Complexes:
@@ -153,6 +151,12 @@ def _angle_width(t: Trial, of_ideal: bool) -> float:
     return to_deg(measures.half_width(torque, angle))
 
 
+def _area(t: Trial, of_ideal: bool) -> float:
+    angle, torque = t.loop(of_ideal)
+    cycles = round(angle.size * PERIOD * t.episode.part("manoeuvre").frequency)
+    return measures.loop_area(angle, torque, cycles)
+
+
 def _saturation(t: Trial) -> float:
     limit = t.episode.part("motor").rated_torque
     return float(np.mean(np.abs(t.episode["command"]) >= 0.999 * limit))
@@ -180,22 +184,16 @@ METRICS: dict[str, Metric] = {
     "frf_magnitude": Metric("dB", "rms error over log f, 0.2-5 Hz", _CHIRP, _magnitude),
     "frf_phase": Metric("deg", "rms error over log f, 0.2-5 Hz", _CHIRP, _phase),
     "frf_complex": Metric("-", "mean |H - Href| / |Href| over log f", _CHIRP, _complex),
-    "worst_magnitude": Metric(
-        "dB", "largest, 0.2-4 Hz", _CHIRP, lambda t: _worst(t.error(REQUIRED_BAND_HZ).magnitude)
-    ),
-    "worst_phase": Metric(
-        "deg", "largest, 0.2-4 Hz", _CHIRP, lambda t: _worst(t.error(REQUIRED_BAND_HZ).phase)
-    ),
+    "worst_magnitude": Metric("dB", "largest, 0.2-4 Hz", _CHIRP, lambda t: _worst(t.error(REQUIRED_BAND_HZ).magnitude)),
+    "worst_phase": Metric("deg", "largest, 0.2-4 Hz", _CHIRP, lambda t: _worst(t.error(REQUIRED_BAND_HZ).phase)),
     "torque_hysteresis": Metric("N m", _OURS, _SINE, lambda t: _torque_width(t, False)),
     "torque_hysteresis_reference": Metric("N m", _THEIRS, _SINE, lambda t: _torque_width(t, True)),
     "angle_hysteresis": Metric("deg", _OURS, _SINE, lambda t: _angle_width(t, False)),
     "angle_hysteresis_reference": Metric("deg", _THEIRS, _SINE, lambda t: _angle_width(t, True)),
     "on_centre_stiffness": Metric("N m/deg", _OURS, _SINE, lambda t: _stiffness(t, False)),
-    "on_centre_stiffness_reference": Metric(
-        "N m/deg", _THEIRS, _SINE, lambda t: _stiffness(t, True)
-    ),
-    "loop_area": Metric("J", _OURS, _SINE, lambda t: measures.loop_area(*t.loop(False))),
-    "loop_area_reference": Metric("J", _THEIRS, _SINE, lambda t: measures.loop_area(*t.loop(True))),
+    "on_centre_stiffness_reference": Metric("N m/deg", _THEIRS, _SINE, lambda t: _stiffness(t, True)),
+    "loop_area": Metric("J", _OURS, _SINE, lambda t: _area(t, False)),
+    "loop_area_reference": Metric("J", _THEIRS, _SINE, lambda t: _area(t, True)),
     "effort": Metric("N m", "rms motor torque", "", lambda t: rms(t.episode["motor_torque"])),
     "saturation": Metric("-", "share of time at the motor's torque limit", "", _saturation),
     "ripple": Metric("N m", "rms torsion-bar torque above 20 Hz", "", _ripple),
@@ -205,7 +203,5 @@ METRICS: dict[str, Metric] = {
 def score(trial: Trial) -> dict[str, float]:
     """Every metric that applies to the trial's manoeuvre, by name."""
     return {
-        name: metric.measure(trial)
-        for name, metric in METRICS.items()
-        if metric.manoeuvre in ("", trial.manoeuvre)
+        name: metric.measure(trial) for name, metric in METRICS.items() if metric.manoeuvre in ("", trial.manoeuvre)
     }

@@ -1,0 +1,186 @@
+"""Every metric against a case whose answer is known in closed form."""
+
+import numpy as np
+import pytest
+
+from experiments import measures
+from experiments.metrics import METRICS, REQUIRED_BAND_HZ, Trial, score
+from experiments.rollout import Episode
+from steer_env.envs.layout import PERIOD, Truth
+from steer_env.envs.task import Task, prepare
+from steer_env.physics import linear as linear_physics
+from steer_env.physics.reference import ReferenceParameters
+
+CYCLE = np.arange(0.0, 4.0, PERIOD) * 2.0 * np.pi * 0.5  # two cycles
+
+
+def test_response_error_of_a_gain_and_a_phase():
+    f = np.linspace(0.1, 6.0, 60)
+    reference = 1.0 / (1.0 + 1j * f)
+    error = measures.response_error(f, 2.0 * np.exp(0.1j) * reference, reference, (0.2, 5.0))
+    assert error.frequency[0] >= 0.2
+    assert error.frequency[-1] <= 5.0
+    np.testing.assert_allclose(error.magnitude, 20.0 * np.log10(2.0), rtol=1e-12)
+    np.testing.assert_allclose(error.phase, np.degrees(0.1), rtol=1e-12)
+
+
+def test_log_rms_weighs_octaves_alike():
+    """On a dense grid the mean over log f of f^2 from 1 to e is (e^2 - 1) / 2."""
+    f = np.linspace(1.0, np.e, 20001)
+    assert measures.log_rms(f, f) == pytest.approx(np.sqrt((np.e**2 - 1.0) / 2.0), rel=1e-4)
+    assert np.isnan(measures.log_rms(f[:0], f[:0]))
+
+
+def test_half_width_of_an_ellipse_and_of_dry_friction():
+    """sin(t) against sin(t - phi) is sin(phi) wide; Coulomb friction of M_C is M_C wide."""
+    x = np.sin(CYCLE)
+    assert measures.half_width(x, np.sin(CYCLE - 0.3)) == pytest.approx(np.sin(0.3), rel=1e-5)
+    friction = 5.0 * x + 0.7 * np.sign(np.cos(CYCLE))
+    assert measures.half_width(x, friction) == pytest.approx(0.7, rel=1e-3)
+    assert np.isnan(measures.half_width(np.ones(9), np.ones(9)))
+
+
+def test_centre_slope_ignores_friction_and_what_lies_off_centre():
+    """Cubic spring with friction: the slope at zero, up to the 10 % window's x^2 share."""
+    x = np.sin(CYCLE)
+    y = 5.0 * x + 2.0 * x**3 + 0.7 * np.sign(np.cos(CYCLE))
+    assert measures.centre_slope(x, y) == pytest.approx(5.0, rel=0.005)
+
+
+def test_loop_area_is_the_work_of_friction():
+    """4 A M_C per cycle for dry friction, pi A B sin(phi) for an ellipse."""
+    x = 0.5 * np.sin(CYCLE)
+    assert measures.loop_area(x, 0.7 * np.sign(np.cos(CYCLE)), 2) == pytest.approx(1.4, rel=2e-3)
+    ellipse = measures.loop_area(x, 3.0 * np.sin(CYCLE - 0.3), 2)
+    assert ellipse == pytest.approx(np.pi * 0.5 * 3.0 * np.sin(0.3), rel=2e-3)
+
+
+def test_high_passed_keeps_only_what_is_faster():
+    t = np.arange(0.0, 2.0, PERIOD)
+    signal = 1.0 + np.sin(2.0 * np.pi * 5.0 * t) + 0.2 * np.sin(2.0 * np.pi * 50.0 * t)
+    left = measures.high_passed(signal, 20.0, PERIOD)
+    np.testing.assert_allclose(left, 0.2 * np.sin(2.0 * np.pi * 50.0 * t), atol=1e-9)
+
+
+def trial(manoeuvre, causality="impedance", linear=False, **signals):
+    """A trial whose signals are given; the others are zero."""
+    task = Task("EPAS", causality, linear=linear, manoeuvre=manoeuvre, speed_kmh=75.0)
+    setup = prepare(task, np.random.default_rng(0), PERIOD)
+    n = max(len(values) for values in signals.values())
+    rows = np.zeros((n, len(Truth._fields)))
+    rows[:, Truth._fields.index("speed")] = 75.0 / 3.6
+    for name, values in signals.items():
+        rows[:, Truth._fields.index(name)] = values
+    return Trial(Episode(setup, rows, True), causality, linear, manoeuvre)
+
+
+def sine(seconds=20.5, lead_in=0.5, frequency=0.2):
+    t = PERIOD * np.arange(1, round(seconds / PERIOD) + 1) - lead_in
+    return np.where(t > 0.0, np.sin(2.0 * np.pi * frequency * t), 0.0), t
+
+
+def chirp(seconds=19.0):
+    """Chirp of 0.2-5 Hz in 17.5 s after half a second, as torque, at rest at both ends."""
+    t = PERIOD * np.arange(1, round(seconds / PERIOD) + 1) - 0.5
+    inside = (t > 0.0) & (t < 17.5)
+    return np.where(inside, np.sin(2.0 * np.pi * (0.2 + 0.5 * (4.8 / 17.5) * t) * t), 0.0)
+
+
+def answered(torque, gain=1.0, delay=0.0):
+    """Angle of the linear reference at 75 km/h under a torque, by its lines; scaled and late."""
+    setup = prepare(Task(linear=True, speed_kmh=75.0), np.random.default_rng(0), PERIOD)
+    p: ReferenceParameters = setup.reference.at(75.0 / 3.6)
+    padded = np.concatenate([torque, np.zeros(60000 - len(torque))])
+    f = np.fft.rfftfreq(len(padded), PERIOD)
+    matrices = linear_physics.reference_matrices(75.0 / 3.6, p, 1.0 + p.k_gain)
+    H = linear_physics.frequency_response(matrices, f)[:, 0, 0]
+    lines = np.fft.rfft(padded) * gain * H * np.exp(-2j * np.pi * f * delay)
+    return np.fft.irfft(lines, len(padded))[: len(torque)]
+
+
+def test_the_linear_reference_scores_zero_against_itself():
+    """Catches a wrong instrument, a wrong analytic curve and a bias of the estimate."""
+    torque = chirp()
+    signals = {"steering_torque": torque, "torsion_bar_torque": torque}
+    found = score(trial("frequency_response", linear=True, pinion_angle=answered(torque), **signals))
+    assert found["worst_magnitude"] < 0.02
+    assert found["worst_phase"] < 0.2
+    assert found["frf_complex"] < 0.002
+
+
+@pytest.mark.parametrize("linear", [True, False])
+@pytest.mark.parametrize("causality", ["impedance", "admittance"])
+def test_a_gain_of_a_tenth_and_five_milliseconds_are_found(linear, causality):
+    """Catches a ratio upside down, a phase sign that a square hides, a wrong band."""
+    torque, ideal = chirp(), answered(chirp())
+    late = answered(torque, 1.1, 0.005)
+    if causality == "impedance":
+        signals = {"pinion_angle": late, "torsion_bar_torque": torque}
+        # The ideal torque at the achieved angle is 1.1 times the torque, 5 ms late.
+        signals["reference"] = 1.1 * np.interp(
+            np.arange(len(torque)) * PERIOD - 0.005, np.arange(len(torque)) * PERIOD, torque
+        )
+    else:
+        signals = {"pinion_angle": late, "torsion_bar_torque": torque, "reference": ideal}
+    t = trial("frequency_response", causality, linear, steering_torque=torque, **signals)
+    found = score(t)
+    assert found["frf_magnitude"] == pytest.approx(20.0 * np.log10(1.1), abs=0.03)
+    assert found["worst_magnitude"] == pytest.approx(20.0 * np.log10(1.1), abs=0.05)
+    f = t.response.frequency
+    last = f[f <= REQUIRED_BAND_HZ[1]].max()
+    assert found["worst_phase"] == pytest.approx(360.0 * last * 0.005, abs=0.3)
+    assert np.all(t.error(REQUIRED_BAND_HZ).phase < 0.0), "late is negative"
+
+
+@pytest.mark.parametrize(("causality", "unit"), [("impedance", 1.0), ("admittance", 180 / np.pi)])
+def test_tracking_error_in_its_unit_and_relative(causality, unit):
+    x, _ = sine()
+    t = trial("steady_state", causality, reference=2.0 * x, error=0.1 * x)
+    found = score(t)
+    assert found["tracking_error"] == pytest.approx(0.1 * unit * measures.rms(x), rel=1e-12)
+    assert found["tracking_relative"] == pytest.approx(0.05, rel=1e-12)
+
+
+def test_loops_after_the_first_cycle_achieved_and_ideal():
+    """Spring 40 N m/rad with friction 0.5 (achieved) and 0.8 (ideal); the first cycle is odd."""
+    x, t = sine()
+    sign = np.sign(np.cos(2.0 * np.pi * 0.2 * t))
+    torque = 0.3 * 40.0 * x + 0.5 * sign
+    torque[: round(5.4 / PERIOD)] += 3.0
+    ideal = 0.3 * 40.0 * x + 0.8 * sign
+    impedance = trial("steady_state", pinion_angle=0.3 * x, torsion_bar_torque=torque, reference=ideal)
+    found = score(impedance)
+    assert found["torque_hysteresis"] == pytest.approx(0.5, rel=2e-3)
+    assert found["torque_hysteresis_reference"] == pytest.approx(0.8, rel=2e-3)
+    assert found["angle_hysteresis"] == pytest.approx(np.degrees(0.5 / 40.0), rel=5e-3)
+    assert found["on_centre_stiffness"] == pytest.approx(40.0 * np.pi / 180.0, rel=5e-3)
+    assert found["loop_area"] == pytest.approx(4 * 0.3 * 0.5, rel=0.01)
+    # In admittance the ideal is an angle: same torque, an angle that lags by friction of its own.
+    swapped = trial(
+        "steady_state", "admittance",
+        pinion_angle=0.3 * x, torsion_bar_torque=12.0 * x, reference=0.3 * x - 0.02 * sign,
+    )  # fmt: skip
+    found = score(swapped)
+    assert found["angle_hysteresis"] == pytest.approx(0.0, abs=0.01)
+    assert found["angle_hysteresis_reference"] == pytest.approx(np.degrees(0.02), rel=5e-3)
+
+
+def test_effort_saturation_and_ripple():
+    t = PERIOD * np.arange(4000)
+    ripple = 0.3 * np.sin(2.0 * np.pi * 40.0 * t)
+    command = np.where(t < 1.0, 5.0, 1.0)  # the EPAS motor's limit is 5 N m
+    found = score(
+        trial("standstill", motor_torque=2.0 * np.ones(4000), command=command,
+              torsion_bar_torque=np.sin(2.0 * np.pi * 0.5 * t) + ripple)
+    )  # fmt: skip
+    assert found["effort"] == pytest.approx(2.0)
+    assert found["saturation"] == pytest.approx(0.25)
+    assert found["ripple"] == pytest.approx(0.3 / np.sqrt(2.0), rel=1e-6)
+
+
+def test_a_manoeuvre_gets_its_own_metrics_only():
+    x, _ = sine()
+    sine_scores = score(trial("steady_state", pinion_angle=x, torsion_bar_torque=x))
+    assert "torque_hysteresis" in sine_scores
+    assert "frf_phase" not in sine_scores
+    assert all(metric.unit and metric.meaning for metric in METRICS.values())
