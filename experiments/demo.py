@@ -62,11 +62,7 @@ def command(out: Path, seed: int, jobs: int, quiet: bool, as_json: bool) -> None
     if as_json:
         print_json({"identified": judged, "report": str(out / "report.html")})
         return
-    print_table(
-        ["km/h", "parameter", "true", "identified", "+-95 %"],
-        [[r["speed_kmh"], r["name"], r["true"], r["value"], 1.96 * r["std"]] for r in judged],
-        title="reference, identified against what the virtual car really is",
-    )
+    print_table(["km/h", *JUDGED], _beside(judged), title="reference: identified (true)")
     print_table(*benchmark.short_table(verdicts(results)), title="tracking it at 75 km/h, relaxed arm")
     click.echo(f"report: {out / 'report.html'}")
 
@@ -106,3 +102,13 @@ def judgement(found: Any, truth: list[dict[str, Any]]) -> list[dict[str, Any]]:
                     }
                 )
     return rows
+
+
+def _beside(judged: list[dict[str, Any]]) -> list[list[str]]:
+    """One line per speed: identified (true) of each parameter, a dash where it was not identified."""
+    lines = []
+    for speed in dict.fromkeys(row["speed_kmh"] for row in judged):
+        here = {row["name"]: row for row in judged if row["speed_kmh"] == speed}
+        cells = [f"{here[n]['value']:.4g} ({here[n]['true']:.4g})" if n in here else "-" for n in JUDGED]
+        lines.append([f"{speed:g}", *cells])
+    return lines
