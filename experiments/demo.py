@@ -109,6 +109,10 @@ def _beside(judged: list[dict[str, Any]]) -> list[list[str]]:
     lines = []
     for speed in dict.fromkeys(row["speed_kmh"] for row in judged):
         here = {row["name"]: row for row in judged if row["speed_kmh"] == speed}
-        cells = [f"{here[n]['value']:.4g} ({here[n]['true']:.4g})" if n in here else "-" for n in JUDGED]
+        cells = [f"{_short(here[n]['value'])} ({_short(here[n]['true'])})" if n in here else "-" for n in JUDGED]
         lines.append([f"{speed:g}", *cells])
     return lines
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
