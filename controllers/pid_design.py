@@ -21,12 +21,12 @@ _N = "the plant's nominal value"
 ACCELERATION = 1.0  # bandwidth of the acceleration that enters the reference torque
 DERIVATIVE = 1.5  # bandwidth of the torsion-bar torque's derivative
 ANGLE = 0.075  # natural frequency of the angle loop: slow, because feed-forward does the work
-TORQUE_INTEGRAL = 0.02  # corner of the torque integral
+TORQUE_INTEGRAL = 0.01  # corner of the torque integral
 ANGLE_DAMPING = 0.9  # damping ratio of the angle loop
-HAND_LAG = 1.15  # lag of the compensated hand torque where the torque sensor is stiff, in T_d
+HAND_LAG = 1.2  # lag of the compensated hand torque where the torque sensor is stiff, in T_d
 INTEGRAL_SHARE = 0.1  # corner of the angle integral as a share of the natural frequency
 ACTIVE_DAMPING_LIMIT = 1.5  # rad of phase lost in T_d; a mode beyond it is notched, not damped
-NOTCH_DEPTH, NOTCH_WIDTH = 0.08, 0.8
+NOTCH_DEPTH, NOTCH_WIDTH = 0.1, 1.3  # holds c_tb within 30 % and J_pin within 25 % of nominal
 NOTCH_HAND = 0.03  # kg m2 on the wheel that the notch is tuned for; arms move the mode by 6 %
 
 
@@ -44,14 +44,14 @@ class PidParameters(NamedTuple):
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
     c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]
     acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
-    derivative_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1.5 / T_d")]
+    derivative_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1.5 / T_d, or 1 / lag")]
     damping_ratio: Annotated[
         float, Quantity("-", "least damping of stuck and torsion-bar modes", 0.0, 2.0, "assumption")
     ]
     bar_damping: Annotated[float, Quantity("-", "share of active torsion-bar damping", 0.0, 2.0, "0: notched instead")]
     torque_lag: Annotated[
         float,
-        Quantity("s", "lag of the hand's torque", 0.0, 0.1, "assumption: 1.15 T_d where notched"),
+        Quantity("s", "lag of the hand's torque", 0.0, 0.1, "assumption: 1.2 T_d where notched"),
     ]
     inertia_share: Annotated[
         float,
@@ -62,7 +62,7 @@ class PidParameters(NamedTuple):
         Quantity("-", "dM_eff/dM_tb beyond which the angle loop yields", 1.0, 50.0, "assumption"),
     ]
     torque_gain: Annotated[float, Quantity("-", "share of the matched torque gain", 0.0, 3.0, "assumption: 1")]
-    torque_integral: Annotated[float, Quantity("1/s", "torque integral", 0.0, 1e3, "assumption: 0.02 / T_d")]
+    torque_integral: Annotated[float, Quantity("1/s", "torque integral", 0.0, 1e3, "assumption: 0.01 / T_d")]
     angle_gain: Annotated[
         float,
         Quantity("1/s2", "angle P gain over inertia", 0.0, 1e5, "assumption: (0.075 / T_d)^2"),
@@ -112,7 +112,8 @@ def design(plant: Plant, reference: Reference, period: float) -> PidParameters:
         c_fric=s.c_fric,
         c_tb=s.c_tb,
         acceleration_bandwidth=ACCELERATION / delay,
-        derivative_bandwidth=DERIVATIVE / delay,
+        # A derivative of 1 / lag times the lag makes a plain first-order lag of the hand's torque.
+        derivative_bandwidth=(1.0 / HAND_LAG if stiff else DERIVATIVE) / delay,
         damping_ratio=0.0 if stiff else 0.2,
         torque_lag=HAND_LAG * delay if stiff else 0.0,
         bar_damping=0.0 if stiff else 1.0,
