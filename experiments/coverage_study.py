@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,14 +20,16 @@ import numpy as np
 from experiments.cli_options import print_table, progress
 from experiments.conforming_car import Truth, campaign, clean_runs
 from identification.campaign import Campaign, Run
+from identification.campaign_toml import KnownSteering
 from identification.identify import Options, identify
 from identification.refine import equivalent_gain
 from identification.steady_state import on_centre_stiffness
 from steer_env.physics.reference import ReferenceParameters
+from steer_env.plants.reference_file import ROW_KEYS
 from steer_env.plants.reference_row import KnownVehicle
 from steer_env.testcar.drive import drive, generator_of
 from steer_env.testcar.parameters import VirtualCar
-from steer_env.testcar.plan import runs_at
+from steer_env.testcar.plan import PlannedRun, runs_at
 from steer_env.testcar.truth import truth_at
 from steer_env.units import from_kmh
 
@@ -34,6 +37,8 @@ KEYS = ("C_f", "C_r", "n_t", "J_z", "sigma_f", "sigma_r", "J_ref", "b_ref", "k_g
         "sigma_assist", "M_fric_C", "c_fric")  # fmt: skip
 SPEEDS_KMH = (45.0, 75.0, 105.0)
 QUANTILE = 1.96
+Plans = dict[float, list[PlannedRun]]
+Known = dict[float, dict[str, float]]
 
 
 class Line(NamedTuple):
@@ -79,34 +84,46 @@ def study_conforming(seeds: range, speeds_kmh: tuple[float, ...] = SPEEDS_KMH, q
     return table(made, known, len(seeds), quiet)
 
 
-def study_virtual(seeds: range, speeds_kmh: tuple[float, ...] = SPEEDS_KMH, quiet: bool = True) -> list[Line]:
+def study_virtual(
+    seeds: range, speeds_kmh: tuple[float, ...] = SPEEDS_KMH, quiet: bool = True
+) -> list[Line]:
     """The table for the virtual test vehicle, driven anew with each seed."""
-    car = VirtualCar()
-    plans = {v: [r for r in runs_at(v, 2, car) if r.manoeuvre != "constant_speed_cornering"] for v in speeds_kmh}
-    known = {}
+    plans = plans_virtual(speeds_kmh)
+    made = (virtual_campaign(plans, seed) for seed in seeds)
+    return table(made, known_virtual(plans), len(seeds), quiet)
+
+
+def plans_virtual(speeds_kmh: tuple[float, ...]) -> Plans:
+    """Two sweeps and all sines at each speed in km/h."""
+    wanted = ("frequency_response", "steady_state")
+    return {v: [r for r in runs_at(v, 2, VirtualCar()) if r.manoeuvre in wanted] for v in speeds_kmh}
+
+
+def known_virtual(plans: Plans) -> Known:
+    """The derived truth of the virtual test vehicle at the planned amplitudes."""
+    known: Known = {}
     for v, plan in plans.items():
         size = {run.manoeuvre: run.amplitude for run in plan}
-        row = truth_at(v, size["steady_state"], size["frequency_response"], car)
-        known[v] = {k: next(float(x) for n, x in row.items() if n == k or n.startswith(f"{k}_")) for k in KEYS}  # type: ignore[arg-type]
-    made = (_virtual_campaign(plans, car, seed) for seed in seeds)
-    return table(made, known, len(seeds), quiet)
+        row = truth_at(v, size["steady_state"], size["frequency_response"], VirtualCar())
+        known[v] = {name: float(row[ROW_KEYS[name]]) for name in KEYS}  # type: ignore[arg-type]
+    return known
 
 
-def _virtual_campaign(plans: dict, car: VirtualCar, seed: int) -> Campaign:  # type: ignore[type-arg]
-    from experiments.conforming_car import STEERING
-
-    runs = []
-    for plan in plans.values():
-        for run in plan:
-            columns = drive(run, car, generator_of(run, seed))
-            time = columns.pop("time_s")
-            runs.append(Run(run.name, run.manoeuvre, from_kmh(run.speed_kmh), "identify", time, 0.01, columns))
-    v = car.vehicle
+def virtual_campaign(plans: Plans, seed: int) -> Campaign:
+    """The planned runs, driven and logged, as a campaign; all are for identification."""
+    car, runs = VirtualCar(), []
+    for run in (run for plan in plans.values() for run in plan):
+        columns = dict(drive(run, car, generator_of(run, seed)))
+        time = columns.pop("time_s")
+        speed = from_kmh(run.speed_kmh)
+        runs.append(Run(run.name, run.manoeuvre, speed, "identify", time, 0.01, columns))
+    v, s = car.vehicle, car.steering
     vehicle = KnownVehicle(v.m, v.l_f, v.l_r, v.J_z, v.i_s, car.i_rp)
-    return Campaign("virtual", "vehicle", vehicle, STEERING, None, runs, {}, Path("memory"))
+    steering = KnownSteering(s.J_s, car.robot.J, s.b_s, s.c_tb, s.b_tb)
+    return Campaign("virtual", "vehicle", vehicle, steering, None, runs, {}, Path("memory"))
 
 
-def table(campaigns, known, count: int, quiet: bool) -> list[Line]:  # type: ignore[no-untyped-def]
+def table(campaigns: Iterable[Campaign], known: Known, count: int, quiet: bool) -> list[Line]:
     """Identify each campaign per speed and compare with ``known`` (speed in km/h -> name -> truth)."""
     found = defaultdict(list)
     with progress("coverage", total=count, quiet=quiet) as advance:
@@ -122,9 +139,9 @@ def table(campaigns, known, count: int, quiet: bool) -> list[Line]:  # type: ign
         value, error = np.array(pairs).T
         truth = known[speed][name]
         inside = np.abs(value - truth) <= QUANTILE * error
-        lines.append(
-            Line(name, speed, truth, value.mean() / truth - 1.0, value.std() / abs(truth), error.mean() / abs(truth), inside.mean())
-        )  # fmt: skip
+        bias, size = float(value.mean()) / truth - 1.0, abs(truth)
+        share = float(inside.mean())
+        lines.append(Line(name, speed, truth, bias, float(value.std()) / size, float(error.mean()) / size, share))
     return lines
 
 

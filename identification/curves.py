@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from identification.campaign import Campaign, Run
-from identification.forward import ForwardMisfit
 from identification.pinion import OUTPUTS, PinionModel
 from identification.refine import Refinement
 from identification.result import Loop, SpeedResult, relative_errors
+from identification.speed_data import Measured
 from identification.stages import Chain, Values
-from identification.torque import TorqueMisfit
+from identification.torque import NEEDS, TorqueMisfit
 from identification.vehicle import BODY, TrackModel
-
-if TYPE_CHECKING:
-    from identification.identify import Measured
 
 PLOT_HZ = np.geomspace(0.2, 5.0, 80)
 STEPWISE = frozenset({"inertia", "damping", "rack", "friction"})
@@ -69,7 +64,7 @@ def _loops(
     refined = predicted(runs, refinement.chain_.values) if refinement else [None] * len(steps)
     for step, better in zip(steps, refined, strict=True):
         result.loops.append(Loop(step[0], step[1], step[2], None if better is None else better[2]))
-    held = [r for r in speed.runs.held_out if all(n in r.channels for n in ("pinion_angle_rad", "torsion_bar_torque_Nm"))]
+    held = [run for run in speed.runs.held_out if all(n in run.channels for n in NEEDS)]
     if not held:
         return
     pairs = predicted(held, chain.values)
@@ -78,5 +73,3 @@ def _loops(
         pairs = predicted(held, refinement.chain_.values)
         result.misfit["refined"] = relative_errors([p[1] for p in pairs], [p[2] for p in pairs])
 
-
-__all__ = ["PLOT_HZ", "ForwardMisfit", "fill_curves"]

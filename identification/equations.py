@@ -56,7 +56,7 @@ class Equation:
         gamma = np.min([coherence(D, groups(self.data.lines[c])) for c in self.channels], axis=0)
         object.__setattr__(self, "_keep", np.flatnonzero(gamma > MIN_COHERENCE))
         by_run = self._by_run(self.start)
-        spread = np.zeros(by_run.shape[1])
+        spread: Floats = np.zeros(by_run.shape[1])
         if by_run.shape[0] > 1:
             spread = smoothed(scatter(by_run - by_run.mean(axis=0)))
         frequency = self.data.frequency[NEIGHBOURS // 2 :: NEIGHBOURS][self._keep]

@@ -87,8 +87,8 @@ class Inputs:
 class ForwardMisfit:
     """Error of the simulated torsion-bar torque over the runs of one speed in m/s; a ``stages.Problem``.
 
-    ``bar`` is (c_tb in N m/rad, b_tb in N m s/rad); ``weights`` multiply the errors of a manoeuvre. The mean error of each run is taken out, and both torques pass the
-    same zero-phase band limit.
+    ``bar`` is (c_tb in N m/rad, b_tb in N m s/rad); ``weights`` multiply the errors of a manoeuvre. The mean error of
+    each run is taken out, and both torques pass the same zero-phase band limit.
     """
 
     runs: Sequence[Run]

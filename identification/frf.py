@@ -16,15 +16,15 @@ Two choices keep the estimate unbiased down to rounding on noise-free data:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+Floats = NDArray[np.floating[Any]]
+Complexes = NDArray[np.complexfloating[Any, Any]]
 
 NEIGHBOURS = 3
 MIN_COHERENCE = 0.85  # on gamma itself, Section 3.4.1
@@ -37,8 +37,13 @@ TAPER_S = 0.5
 class Recording(Protocol):
     """What is needed of a run: constant step in s, channels [n] by contract name."""
 
-    dt: float
-    channels: dict[str, Floats]
+    @property
+    def dt(self) -> float:
+        """Sampling step in s."""
+
+    @property
+    def channels(self) -> Mapping[str, Floats]:
+        """Signals [n] by contract name."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +192,7 @@ def _windowed(signal: Floats, window: Floats | None) -> Floats:
     return signal if window is None else (signal - signal.mean()) * window
 
 
-def groups(lines: NDArray) -> NDArray:
+def groups(lines: NDArray[Any]) -> NDArray[Any]:
     """[n_runs, n_lines] as [n_runs, n_groups, 3] neighbouring lines."""
     n = lines.shape[1] // NEIGHBOURS
     return lines[:, : n * NEIGHBOURS].reshape(lines.shape[0], n, NEIGHBOURS)

@@ -1,11 +1,15 @@
 """Past the paper: one joint time-domain fit of J_ref, b_ref, assist and friction per speed.
 
-Step II reads Coulomb friction as damping (M_C = 2.3 N m turns b_ref = 0.74 into 1.4 at 75 km/h and 2.3 at 105 km/h) and
-the assist curve as inertia and gain. Here Eq. 16 is fitted to sweep and slow sine together, in which rate, acceleration,
-displacement and amplitude vary apart from each other, so each effect is told by its own signature. Steps I to III give
-the start. Sweep and sine each have a Coulomb level of their own, because a control unit's friction compensation works on
-a filtered rate and fades in a sweep: forced to be one, the levels would meet in between and b_ref would pay. The
-reference takes the slow one, as the paper does; where they differ, that is worth knowing. Standard errors use blocks of one second, within which errors may be coloured as they like.
+Step II reads Coulomb friction as damping and missing gain (M_C = 2.3 N m and a sweep of 0.1 rad at 105 km/h: k_gain
+falls from 2.4 to 0.7 and b_ref / (1 + k_gain) doubles) and the assist curve as inertia and gain. Here sweep and slow
+sine are fitted together in time, where rate, acceleration, displacement and amplitude vary apart from each other, so
+each effect is told by its own signature. Steps I to III give the start.
+
+Sweep and sine each have a Coulomb level of their own, because a control unit's friction compensation works on a
+filtered rate and fades in a sweep: forced to be one, the levels would meet in between and b_ref would pay. The
+reference takes the slow one, as the paper does; where they differ, that is worth knowing.
+
+Standard errors use blocks of one second, within which errors may be coloured as they like.
 """
 
 from __future__ import annotations
@@ -39,14 +43,17 @@ class Refinement:
     """Joint fit at one speed in m/s. Fitted: ``params_``, ``std_``, ``chain_``, ``misfit_``.
 
     ``bar`` = (c_tb in N m/rad, b_tb in N m s/rad): the torque is simulated forward from the steering angle
-    (``forward``). Without it, or without a steering angle, Eq. 16 is inverted at the measured pinion angle (``torque``).
-    ``fit_c_fric=False`` keeps the preselected Dahl stiffness.
+    (``forward``). Without it, or without a steering angle, Eq. 16 is inverted at the measured pinion angle
+    (``torque``).
+    ``fit_c_fric=False`` keeps the preselected Dahl stiffness. ``weights`` of an earlier fit of the same runs (its
+    ``weights_``) say that the chain starts from its solution, which saves finding both anew.
     """
 
     vehicle: KnownVehicle
     slip: str = "relaxed"
     bar: tuple[float, float] | None = None
     fit_c_fric: bool = True
+    weights: dict[str, float] | None = None
 
     def fit(self, sweeps: Sequence[Run], sines: Sequence[Run], speed: float, chain: Chain) -> Refinement:
         """Fit all of UNKNOWNS from the values in ``chain``; returns self."""
@@ -60,10 +67,15 @@ class Refinement:
             misfit = TorqueMisfit(runs, speed, self.vehicle, self.slip, TERMS)
         start = {n: chain.values[n] for n in names}
         if sweeps and sines:
-            start[SWEEP_FRICTION] = chain.values["M_fric_C"]
-        first = self._fit_from(start, misfit, chain)
-        misfit.weights = manoeuvre_weights(misfit, first.values)
-        self.chain_ = chain.copy().fit([misfit], {n: first.values[n] for n in start}, BOUNDS, TOLERANCE)
+            start[SWEEP_FRICTION] = chain.values.get(SWEEP_FRICTION, chain.values["M_fric_C"])
+        if self.weights is None:
+            first = self._fit_from(start, misfit, chain)
+            misfit.weights = manoeuvre_weights(misfit, first.values)
+            start = {n: first.values[n] for n in start}
+        else:
+            misfit.weights = self.weights
+        self.chain_ = chain.copy().fit([misfit], start, BOUNDS, TOLERANCE)
+        self.weights_ = misfit.weights
         self.misfit_ = misfit
         values = self.chain_.values
         swept = np.concatenate([run.channels["torsion_bar_torque_Nm"] for run in sweeps])

@@ -1,4 +1,4 @@
-"""What an identification hands back: per speed and mode, with errors, the paper's values, and what could not be found."""
+"""What an identification hands back: values with errors, the paper's values, and what could not be found."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ class SpeedResult:
     """Everything found at one speed in km/h in one mode, by names of ReferenceRow.
 
     ``values`` with ``std``; ``frf`` and ``frf_std`` hold the paper's own steps; ``skipped`` maps a step to why it was
-    not run; ``notes`` are remarks on single values; ``delays`` in s; ``misfit`` relative errors on held-out runs.
+    not run; ``notes`` are remarks on single values; ``delays`` in s with errors; ``misfit`` relative errors on held-out
+    runs; ``refined`` and ``weights`` are where another mode's refinement of the same runs may start.
     """
 
     speed_kmh: float
@@ -50,6 +51,8 @@ class SpeedResult:
     responses: dict[str, FrequencyResponse] = field(default_factory=dict)
     fitted: dict[str, tuple[Floats, Complexes]] = field(default_factory=dict)
     loops: list[Loop] = field(default_factory=list)
+    refined: dict[str, float] = field(default_factory=dict)
+    weights: dict[str, float] = field(default_factory=dict)
 
     def unidentified(self) -> list[str]:
         """Keys without a value, or whose value is not known to within half of itself."""
@@ -95,7 +98,9 @@ class Identification:
             row["c_pin_off"] = min(row["c_pin_off"], row["c_pin_on"])
             rows.append(ReferenceRow(speed_kmh=result.speed_kmh, **row))
             gaps.append(missing)
-        std = tuple({n: r.std[n] for n in KEYS if n in r.std and n not in g} for r, g in zip(results, gaps, strict=True))
+        std = tuple(
+            {n: r.std[n] for n in KEYS if n in r.std and n not in gap} for r, gap in zip(results, gaps, strict=True)
+        )
         frf = tuple({n: v for n, v in r.frf.items() if n in KEYS} for r in results)
         return ReferenceFile(self.vehicle, tuple(rows), self.slip, std, frf, tuple(gaps), dict(self.provenance))
 

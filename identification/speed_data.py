@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,12 +44,18 @@ class SpeedRuns:
 
 @dataclass(frozen=True)
 class SpeedResponses:
-    """Responses of one speed: step I's in ``vehicle``, step II's by output name; ``missing`` maps a response to why.
-    """
+    """Responses of one speed: step I's in ``vehicle``, step II's by output; ``missing`` maps a response to why."""
 
     vehicle: SpeedData
     pinion: Mapping[str, FrequencyResponse]
     missing: dict[str, str]
+
+
+class Measured(NamedTuple):
+    """One speed's runs with the responses made from them."""
+
+    runs: SpeedRuns
+    responses: SpeedResponses
 
 
 def runs_by_speed(campaign: Campaign) -> list[SpeedRuns]:
@@ -94,8 +101,8 @@ def responses(sweeps: Sequence[Run], speed: float, vehicle: KnownVehicle) -> Spe
         missing["rack"] = f"no {RACK} channel"
     pinion = {}
     if TORQUE in common:
-        for name, lines in (("pinion_angle", angle), ("pinion_rate", derivative(angle, data.frequency))):
-            pinion[name] = frequency_response(data, INSTRUMENT, TORQUE, lines, name)
+        for name, signal in (("pinion_angle", angle), ("pinion_rate", derivative(angle, data.frequency))):
+            pinion[name] = frequency_response(data, INSTRUMENT, TORQUE, signal, name)
     else:
         missing["pinion"] = f"no {TORQUE} channel"
     _drop_incoherent(found, missing)

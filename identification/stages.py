@@ -41,7 +41,7 @@ class ResponseTerm:
     """One measured FRF against a model in magnitude and phase (Eqs. 7, 8 and 11).
 
     Magnitude errors are divided by the static gain, phase errors by pi, both inside the square; weights multiply the
-    mean squares. ``model`` gives H [n, 3] at the response's lines; ``key`` names the recording that the clusters belong to.
+    mean squares. ``model`` gives H [n, 3] at the response's lines; ``key`` names the recording of the clusters.
     """
 
     response: FrequencyResponse
@@ -193,7 +193,7 @@ class Chain:
                 clusters.setdefault(key, np.zeros(n))[mine] += score
         for score in clusters.values():
             S += np.outer(score, score)
-        size = np.array([max(abs(self.values[name]), 1e-3) for _, name in self._order])
+        size: Floats = np.array([max(abs(self.values[name]), 1e-3) for _, name in self._order])
         # Every equation is multiplied by its parameter's size, every column too: units then cannot spoil the inverse.
         inverse = np.linalg.pinv(G * np.outer(size, size), rcond=1e-13) * np.outer(size, size)
         full = inverse @ S @ inverse.T

@@ -27,6 +27,7 @@ from steer_env.physics.linear import VEHICLE_OUTPUTS, frequency_response, single
 from steer_env.physics.vehicle import SingleTrack
 from steer_env.plants.reference_row import KnownVehicle
 
+NO_SWEEP = "no usable sweep (see the remarks)"
 BODY = ("yaw_rate", "lateral_acceleration", "sideslip_angle")
 
 
@@ -132,8 +133,9 @@ class VehicleIdentification:
 
     def _fit_body(self, data: Sequence[SpeedData], bounds: Mapping[str, tuple[float, float]]) -> None:
         names = [n for n in BODY if all(n in d.responses for d in data)]
-        if not names:
-            self.skipped_["I-a1"] = self.skipped_["I-a2"] = "no yaw rate, lateral acceleration or sideslip channel"
+        if not names or not data:
+            why = "no yaw rate, lateral acceleration or sideslip channel" if data else NO_SWEEP
+            self.skipped_["I-a1"] = self.skipped_["I-a2"] = why
             return
         transient = ["sigma_f", "sigma_r", "J_z"]
         if "sideslip_angle" in names and len(names) > 1:
@@ -148,8 +150,9 @@ class VehicleIdentification:
         self.stepwise_.fit(self._body_terms(data, names), start, bounds)
 
     def _fit_rack(self, data: Sequence[SpeedData], bounds: Mapping[str, tuple[float, float]]) -> None:
-        if not all("rack" in d.responses for d in data):
-            self.skipped_["I-b1"] = self.skipped_["I-b2"] = "no rack_force_N channel"
+        if not data or not all("rack" in d.responses for d in data):
+            why = "no usable rack_force_N channel" if data else NO_SWEEP
+            self.skipped_["I-b1"] = self.skipped_["I-b2"] = why
             self.stepwise_.values.pop("n_t")
             return
         if "I-a2" in self.skipped_:

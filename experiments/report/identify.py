@@ -67,7 +67,9 @@ def _parameters(report: Report, result: Identification, mode: str) -> None:
         "Value ± standard error. Errors hold for coloured residuals and carry those of early steps into later ones; "
         "a dash stands for what these data do not tell."
     )
-    for title, names in (("vehicle (step I)", VEHICLE), ("steering (steps II, III and refinement)", STEERING)):
+    dynamic, static = STEERING[:3] + STEERING[7:], STEERING[3:7]
+    tables = {"vehicle (step I)": VEHICLE, "dynamics (step II, refined)": dynamic, "assist (step III, refined)": static}
+    for title, names in tables.items():
         rows = [[f"{r.speed_kmh:g}", *(_cell(r, n) for n in names)] for r in result.modes[mode]]
         report.table(["km/h", *(_label(n) for n in names)], rows, f"{mode}: {title}")
 
@@ -129,25 +131,29 @@ def _refinement(report: Report, speeds: list[SpeedResult]) -> None:
         "Step II takes Coulomb friction for damping and the assist curve for inertia and gain. The refinement fits "
         "sweep and sine together in time, where each has its own signature."
     )
-    names = ("C_f", "C_r", "n_t", "J_ref", "b_ref", "k_gain", "c_pin_off", "M_fric_C")
-    rows = []
-    for r in used:
-        for label, values, errors in (("steps", r.frf, r.frf_std), ("refined", r.values, r.std)):
-            cells = [with_error(values[n], errors.get(n)) if n in values else None for n in names]
-            held = r.misfit.get("steps" if label == "steps" else "refined")
-            rows.append([f"{r.speed_kmh:g}", label, *cells, None if held is None else f"{100 * held:.1f}"])
-    columns = ["km/h", "", *(_label(n) for n in names), "held-out error [%]"]
-    report.table(columns, rows, "The paper's steps and the refined values; error in torsion-bar torque on held-out runs.")
+    for names, caption in (
+        (("J_ref", "b_ref", "k_gain", "M_fric_C"), "Steering: the paper's steps, refined, and held-out torque error."),
+        (("C_f", "C_r", "n_t", "J_z"), "Vehicle: the paper's steps I-a1 to I-b2, and each axle by its own equation."),
+    ):
+        rows = []
+        for r in used:
+            for label, values, errors in (("steps", r.frf, r.frf_std), ("refined", r.values, r.std)):
+                cells = [with_error(values[n], errors.get(n)) if n in values else None for n in names]
+                held = [_percent(r.misfit.get(label))] if "J_ref" in names else []
+                rows.append([f"{r.speed_kmh:g}", label, *cells, *held])
+        held_out = ["held-out error [%]"] if "J_ref" in names else []
+        report.table(["km/h", "", *(_label(n) for n in names), *held_out], rows, caption)
 
 
 def _modes(report: Report, result: Identification) -> None:
     own, shared = result.modes["per-speed"], result.modes["shared"]
     report.section("Per speed or shared").text(
-        "A car's tyres, trail and inertia do not know its speed. Where the per-speed values leave the shared one by more "
-        "than their errors, the single track misses an effect at that speed."
+        "A car's tyres, trail and inertia do not know its speed. Where the per-speed values leave the shared one by "
+        "more than their errors, the single track misses an effect at that speed."
     )
     report.figure(figures.over_speed(own, shared, VEHICLE, _label), "Vehicle parameters over speed, 95 % intervals.")
-    report.figure(figures.over_speed(own, shared, STEERING[:6], _label), "Steering parameters over speed, 95 % intervals.")
+    drawn = figures.over_speed(own, shared, STEERING[:6], _label)
+    report.figure(drawn, "Steering parameters over speed, 95 % intervals.")
     rows = []
     for a, b in zip(own, shared, strict=True):
         apart = {n: d for n, d in disagreement(a, b).items() if abs(d) >= DISAGREE}
@@ -167,9 +173,7 @@ def _trust(report: Report, result: Identification) -> None:
     speeds = result.modes[first]
     names = list(dict.fromkeys(n for r in speeds for n in r.delays))
     if names:
-        rows = [
-            [f"{r.speed_kmh:g}", *(_milliseconds(r.delays[n]) if n in r.delays else None for n in names)] for r in speeds
-        ]
+        rows = [[f"{r.speed_kmh:g}", *(_milliseconds(r.delays.get(n)) for n in names)] for r in speeds]
         columns = ["km/h", *(f"{n[6:]} [ms]" for n in names)]
         report.table(columns, rows, "Lag of each sensor group behind the pinion angle; negative: its signal is newer.")
     rows = []
@@ -196,8 +200,12 @@ def _cell(result: SpeedResult, name: str) -> str | None:
     return with_error(value, error)
 
 
-def _milliseconds(lag: tuple[float, float]) -> str:
-    return with_error(1e3 * lag[0], 1e3 * lag[1])
+def _milliseconds(lag: tuple[float, float] | None) -> str | None:
+    return None if lag is None else with_error(1e3 * lag[0], 1e3 * lag[1])
+
+
+def _percent(share: float | None) -> str | None:
+    return None if share is None else f"{100 * share:.1f}"
 
 
 def _label(name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -65,9 +66,11 @@ def loops(speeds: Sequence[SpeedResult]) -> go.Figure | None:
     )
     for place, k in enumerate(chosen):
         loop, row, column = known[k].loops[0], place // 2 + 1, place % 2 + 1
-        angle = np.vectorize(to_deg)(loop.angle)
-        marker = {"color": DATA, "size": DOT_SIZE - 1, "opacity": 0.6}
-        drawn = [("measured", loop.measured, {"mode": "markers", "marker": marker})]
+        angle = np.array([to_deg(float(a)) for a in loop.angle])
+        marker = {"color": DATA, "size": DOT_SIZE, "opacity": 0.5}
+        drawn: list[tuple[str, Any, dict[str, Any]]] = [
+            ("measured", loop.measured, {"mode": "markers", "marker": marker})
+        ]
         if loop.stepwise is not None:
             drawn.append(("steps I to III", loop.stepwise, _line(STEPS, "dot")))
         if loop.refined is not None:
@@ -92,16 +95,18 @@ def over_speed(
     """Small panels of parameters over speed: dots per speed with 95 % intervals, line and band shared."""
     columns = 3
     rows = (len(names) + columns - 1) // columns
-    figure = make_subplots(rows, columns, horizontal_spacing=0.09, vertical_spacing=0.16)
+    figure = make_subplots(rows, columns, horizontal_spacing=0.1, vertical_spacing=0.16)
     for place, name in enumerate(names):
         row, column = place // columns + 1, place % columns + 1
+        title = label(name)
+        scale = 1e-3 if "[N/rad]" in title else 1.0
         for results, colour, text, dash in ((shared, STEPS, "shared", "solid"), (own, REFINED, "per speed", "dot")):
             known = [r for r in results if name in r.values and (name in r.std or text == "shared")]
             band = [1.96 * r.std.get(name, 0.0) for r in known]
             trace = go.Scatter(
                 x=[r.speed_kmh for r in known],
-                y=[r.values[name] for r in known],
-                error_y={"array": band, "thickness": 1.3, "width": 3},
+                y=[r.values[name] * scale for r in known],
+                error_y={"array": [b * scale for b in band], "thickness": 1.3, "width": 3},
                 mode="lines+markers",
                 marker={"color": colour, "size": 6},
                 line={"color": colour, "width": 1.4, "dash": dash},
@@ -110,7 +115,7 @@ def over_speed(
                 showlegend=place == 0,
             )
             figure.add_trace(trace, row=row, col=column)
-        figure.update_yaxes(title_text=label(name), row=row, col=column)
+        figure.update_yaxes(title_text=title.replace("[N/rad]", "[kN/rad]"), row=row, col=column)
     for column in range(1, columns + 1):
         figure.update_xaxes(title_text="speed [km/h]", row=rows, col=column)
     legend = {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"}
@@ -118,5 +123,5 @@ def over_speed(
     return figure
 
 
-def _line(colour: str, dash: str = "solid") -> dict[str, object]:
-    return {"mode": "lines", "line": {"color": colour, "width": LINE_WIDTH, "dash": dash}}
+def _line(colour: str, dash: str = "solid") -> dict[str, Any]:
+    return {"mode": "lines", "line": {"color": colour, "width": 1.4, "dash": dash}}

@@ -30,11 +30,11 @@ def driven() -> tuple[list[Car], list[Car], list[dict]]:
     return linear_cars, friction_cars, drive([*linear_cars, *friction_cars], chirps=2, sines=2)
 
 
-def campaign_of(cars, noise=None, rng=None) -> Campaign:
+def campaign_of(cars, noise=None, rng=None, runs=None) -> Campaign:
     """The logs of some of the driven cars as a campaign; all runs are for identification."""
     runs = [
         Run(r["name"], r["manoeuvre"], r["speed"], "identify", r["time"], 0.01, logged(r, noise, rng))
-        for r in driven()[2]
+        for r in (runs or driven()[2])
         if r["car"] in cars
     ]
     car = cars[0]
@@ -62,6 +62,14 @@ def noisy(seed: int = 0) -> tuple[list[Car], Campaign]:
     """As frictional, with sensor noise and a lag per sensor group."""
     cars = driven()[1]
     return cars, campaign_of(cars, Noise(**LATENCIES), np.random.default_rng(seed))
+
+
+@cache
+def small_sweep() -> tuple[list[Car], Campaign]:
+    """Constant assist gain and 2.3 N m of friction at 105 km/h, the sweep with 0.1 rad at the wheel, noisy."""
+    cars = [Car(105.0 / 3.6, M_C=2.3)]
+    runs = drive(cars, chirps=2, sines=2, sweep_limit=0.1)
+    return cars, campaign_of(cars, Noise(), np.random.default_rng(5), runs)
 
 
 @cache

@@ -108,7 +108,7 @@ def rates(x, reference, reference_rate, p):
 def simulate(cars, references, duration):
     """Step all runs together; `references` maps time (scalar) to a vector over runs. Returns dict of [n, runs]."""
     p = {k: np.array([getattr(c, k) for c in cars]) for k in Car.__dataclass_fields__}
-    steps = int(round(duration / STEP))
+    steps = round(duration / STEP)
     half = np.arange(2 * steps + 1) * STEP / 2
     target = references(half)
     target_rate = np.gradient(target, STEP / 2, axis=0)
@@ -157,7 +157,7 @@ def logged(run, noise=None, rng=None):
     return out
 
 
-def drive(cars, *, chirps=2, sines=1, duration=20.0):
+def drive(cars, *, chirps=2, sines=1, duration=20.0, sweep_limit=SWEEP_LIMIT):
     """All runs of all cars, stepped as one batch: list of dict(name, manoeuvre, speed, car, time, log), no noise.
 
     Amplitudes give about 3 m/s2 at 0.2 Hz; repeats differ by a few percent, as robot-driven repeats do.
@@ -166,7 +166,7 @@ def drive(cars, *, chirps=2, sines=1, duration=20.0):
     for car in cars:
         amplitude = np.deg2rad(amplitude_for(car))
         for kind, count, shape in (("frequency_response", chirps, chirp), ("steady_state", sines, sine)):
-            largest = SWEEP_LIMIT if shape is chirp else np.inf
+            largest = sweep_limit if shape is chirp else np.inf
             plan += [(car, kind, k, shape, min(amplitude, largest) * (1.0 + 0.03 * k)) for k in range(count)]
     log = simulate(
         [p[0] for p in plan], lambda t: np.column_stack([shape(t, size) for *_, shape, size in plan]), duration

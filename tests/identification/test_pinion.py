@@ -23,7 +23,7 @@ def test_noise_free_reference_dynamics_return():
 
 @pytest.mark.parametrize("place", range(len(made.SPEEDS_KMH)))
 def test_slip_form_changes_the_damping_that_belongs_to_it(place):
-    """Kinematic slip has no lag sigma/v: its b_ref is smaller by about C_f n_t sigma / (i_s^2 v); mixed forms hide it."""
+    """Kinematic slip has no lag sigma/v, so its b_ref is smaller by about c sigma / v; mixed forms would hide it."""
     cars, campaign = made.linear()
     car, runs = cars[place], runs_by_speed(campaign)[place]
     measured = responses(runs.sweeps, runs.speed, campaign.vehicle)

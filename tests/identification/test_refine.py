@@ -28,8 +28,19 @@ def test_friction_and_assist_no_longer_leak():
         assert ratio == pytest.approx(car.assist_ratio, rel=0.005)
 
 
+def test_small_sweep_doubles_the_damping_of_step_two_only():
+    """At 0.1 rad friction rules step II: k_gain falls from 2.4 to 0.7 and damping per assist doubles; refined, not."""
+    (car,), campaign = made.small_sweep()
+    found = identify(campaign, Options(("per-speed",))).modes["per-speed"][0]
+    assert found.frf["b_ref"] / (1.0 + found.frf["k_gain"]) > 2.0 * car.b_ref / (1.0 + car.k_gain)
+    assert found.frf["b_ref"] > car.b_ref + 0.1
+    assert abs(found.values["b_ref"] - car.b_ref) < 0.05
+    assert found.values["k_gain"] == pytest.approx(car.k_gain, rel=0.05)
+    assert found.values["M_fric_C"] == pytest.approx(car.M_C, rel=0.05)
+
+
 def test_noise_and_lags_leave_no_bias():
-    """With sensor noise and a lag per sensor group b_ref stays within 0.05 N m s/rad, M_C within 5 %, J_ref within 5 %."""
+    """With sensor noise and a lag per sensor group: b_ref within 0.05 N m s/rad, M_C and J_ref within 5 %."""
     cars, _ = made.noisy()
     for car, found in zip(cars, made.identified("noisy"), strict=True):
         assert abs(found.values["b_ref"] - car.b_ref) < 0.05
@@ -48,7 +59,7 @@ def test_without_the_bar_the_inverse_still_beats_step_two():
 
 
 def test_linear_car_is_found_by_the_refinement_too():
-    """No curve and no friction is a corner of Eq. 14 far from step III's start; a local minimum there cost 7 % of J_ref."""
+    """No curve, no friction: a corner far from step III's start, where a local minimum once cost 7 % of J_ref."""
     cars, _ = made.linear()
     for car, found in zip(cars, made.identified("linear"), strict=True):
         assert found.values["J_ref"] == pytest.approx(car.J_ref, rel=0.005)
