@@ -10,22 +10,24 @@ from experiments.report.page import Report
 
 Result = dict[str, Any]
 SHOWN_SPEED_KMH = 75.0  # the paper's Figures 9 to 11
-SHOWN = (
-    "tracking_error",
-    "tracking_relative",
-    "frf_magnitude",
-    "frf_phase",
-    "torque_hysteresis",
-    "angle_hysteresis",
-    "on_centre_stiffness",
-    "saturation",
-    "ripple",
-)
+# Columns of the two score tables: heading with its line for the unit, metric.
+CHIRP_COLUMNS = {
+    "error [N m, deg]": "tracking_error",
+    "of reference": "tracking_relative",
+    "FRF [dB]": "frf_magnitude",
+    "FRF [deg]": "frf_phase",
+    "ripple [N m]": "ripple",
+}
+SINE_COLUMNS = {
+    "error [N m, deg]": "tracking_error",
+    "of reference": "tracking_relative",
+    "hysteresis [N m]": "torque_hysteresis",
+    "hysteresis [deg]": "angle_hysteresis",
+    "stiffness [N m/deg]": "on_centre_stiffness",
+}
 
 
-def make_report(
-    results: Sequence[Result], found: Sequence[Verdict], reference: str, seed: int
-) -> Report:
+def make_report(results: Sequence[Result], found: Sequence[Verdict], reference: str, seed: int) -> Report:
     """The report of a benchmark: answer, score tables, and plots as the paper's Figures 9 to 11."""
     report = Report(
         "Controllers that have to feel like their reference",
@@ -98,9 +100,7 @@ def _plant(report: Report, plant: str, here: Sequence[Result], found: Sequence[V
     complete = [
         r
         for r in here
-        if not r["case"]["linear"]
-        and r["case"]["speed_kmh"] == SHOWN_SPEED_KMH
-        and r["case"]["arm"] == arms[0]
+        if not r["case"]["linear"] and r["case"]["speed_kmh"] == SHOWN_SPEED_KMH and r["case"]["arm"] == arms[0]
     ]
     chirps = [r for r in complete if r["case"]["manoeuvre"] == "frequency_response"]
     sines = [r for r in complete if r["case"]["manoeuvre"] == "steady_state"]
@@ -121,22 +121,26 @@ def _plant(report: Report, plant: str, here: Sequence[Result], found: Sequence[V
 
 def _tables(report: Report, results: Sequence[Result]) -> None:
     report.section("All scores")
-    head = ["plant", "causality", "controller", "km/h", "manoeuvre", "arm"]
-    columns = [*head, *(f"{name} [{METRICS[name].unit}]".replace("_", " ") for name in SHOWN)]
-    rows = []
-    for r in results:
-        case = r["case"]
-        if case["linear"]:
-            continue
-        place = [case[k] for k in ("plant", "causality", "controller")]
-        place += [f"{case['speed_kmh']:.0f}", case["manoeuvre"].replace("_", " "), case["arm"]]
-        rows.append([*place, *(_cell(r, name) for name in SHOWN)])
-    report.table(
-        columns,
-        rows,
-        "Complete reference. Hysteresis and stiffness: achieved (of the reference). "
-        "scores.csv has every metric of every episode.",
-    )
+    complete = [r for r in results if not r["case"]["linear"]]
+    head = ["plant", "causality", "controller", "km/h", "arm"]
+    for manoeuvre, columns, caption in (
+        ("frequency_response", CHIRP_COLUMNS, "Chirp of 0.2-5 Hz, complete reference."),
+        (
+            "steady_state",
+            SINE_COLUMNS,
+            "Sine of 0.2 Hz, complete reference. Hysteresis widths and on-centre stiffness: "
+            "achieved (of the reference).",
+        ),
+    ):
+        rows = []
+        for r in complete:
+            case = r["case"]
+            if case["manoeuvre"] == manoeuvre:
+                place = [case["plant"], case["causality"], case["controller"]]
+                place += [f"{case['speed_kmh']:.0f}", case["arm"]]
+                rows.append([*place, *(_cell(r, name) for name in columns.values())])
+        more = " scores.csv has every metric of every episode."
+        report.table([*head, *columns], rows, caption + more)
 
 
 def _cell(result: Result, name: str) -> object:
@@ -144,8 +148,10 @@ def _cell(result: Result, name: str) -> object:
         return "unstable"
     value = result["scores"].get(name)
     wanted = result["scores"].get(f"{name}_reference")
-    if value is None or wanted is None:
-        return value
+    if value is None:
+        return None
+    if wanted is None:
+        return f"{100.0 * value:.1f} %" if name == "tracking_relative" else f"{value:.3g}"
     return f"{value:.3g} ({wanted:.3g})"
 
 
