@@ -12,14 +12,14 @@ Result = dict[str, Any]
 SHOWN_SPEED_KMH = 75.0  # the paper's Figures 9 to 11
 # Columns of the two score tables: heading with its line for the unit, metric.
 CHIRP_COLUMNS = {
-    "error [N m, deg]": "tracking_error",
+    "error": "tracking_error",
     "of reference": "tracking_relative",
     "FRF [dB]": "frf_magnitude",
     "FRF [deg]": "frf_phase",
     "ripple [N m]": "ripple",
 }
 SINE_COLUMNS = {
-    "error [N m, deg]": "tracking_error",
+    "error": "tracking_error",
     "of reference": "tracking_relative",
     "hysteresis [N m]": "torque_hysteresis",
     "hysteresis [deg]": "angle_hysteresis",
@@ -122,13 +122,17 @@ def _plant(report: Report, plant: str, here: Sequence[Result], found: Sequence[V
 def _tables(report: Report, results: Sequence[Result]) -> None:
     report.section("All scores")
     complete = [r for r in results if not r["case"]["linear"]]
-    head = ["plant", "causality", "controller", "km/h", "arm"]
+    head = ["system", "controller", "km/h", "arm"]
     for manoeuvre, columns, caption in (
-        ("frequency_response", CHIRP_COLUMNS, "Chirp of 0.2-5 Hz, complete reference."),
+        (
+            "frequency_response",
+            CHIRP_COLUMNS,
+            "Chirp of 0.2-5 Hz, complete reference; error in N m (impedance) or deg.",
+        ),
         (
             "steady_state",
             SINE_COLUMNS,
-            "Sine of 0.2 Hz, complete reference. Hysteresis widths and on-centre stiffness: "
+            "Sine of 0.2 Hz, complete reference; error in N m or deg. Hysteresis widths and on-centre stiffness: "
             "achieved (of the reference).",
         ),
     ):
@@ -136,7 +140,7 @@ def _tables(report: Report, results: Sequence[Result]) -> None:
         for r in complete:
             case = r["case"]
             if case["manoeuvre"] == manoeuvre:
-                place = [case["plant"], case["causality"], case["controller"]]
+                place = [f"{case['plant']} {case['causality']}", case["controller"]]
                 place += [f"{case['speed_kmh']:.0f}", case["arm"]]
                 rows.append([*place, *(_cell(r, name) for name in columns.values())])
         more = " scores.csv has every metric of every episode."
