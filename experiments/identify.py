@@ -82,8 +82,11 @@ def _drive(campaign: Any, out: Path, as_json: bool) -> None:
     if as_json:
         print_json(document)
         return
-    rows = [[key, value] for key, value in _flat(document).items()]
-    print_table(("quantity", "value"), rows, title=f"drive: {campaign.name}")
+    columns = ("parameter", "km/h", "value", "standard error", "95 % from", "to")
+    print_table(columns, _drive_rows(document), title=f"drive: {campaign.name}")
+    held_out = ", ".join(f"{name} {rms:.3g}" for name, rms in document["held_out_rms_Nm"].items())
+    click.echo(f"error on left-out blocks in N m: {held_out}")
+    click.echo(f"{out / 'drive.json'}")
     click.echo(f"{out / 'report.html'}")
 
 
@@ -212,12 +215,13 @@ def _document(result: Any, modes: tuple[str, ...], out: Path) -> dict[str, Any]:
     }
 
 
-def _flat(document: dict[str, Any], prefix: str = "") -> dict[str, object]:
-    """Scalars of a nested document by dotted key."""
-    found: dict[str, object] = {}
-    for key, value in document.items():
-        if isinstance(value, dict):
-            found.update(_flat(value, f"{prefix}{key}."))
-        elif isinstance(value, int | float | str):
-            found[f"{prefix}{key}"] = value
-    return found
+def _drive_rows(document: dict[str, Any]) -> list[list[object]]:
+    """One line per parameter of a drive, and per speed where it depends on speed."""
+    rows: list[list[object]] = []
+    for name, entry in document["parameters"].items():
+        if isinstance(entry["value"], list):
+            for k, speed in enumerate(document["speed_kmh"]):
+                rows.append([name, f"{speed:.0f}", entry["value"][k], entry["std"][k], *entry["ci95"][k]])
+        else:
+            rows.append([name, "", entry["value"], entry["std"], *entry["ci95"]])
+    return rows
