@@ -19,8 +19,8 @@ __all__ = ["Controller", "Law", "Observation"]
 Law = Callable[[Observation, Any, Any], tuple[float, Any]]
 """A control law as a pure function: (observation, state, parameters) -> (torque in N m, new state).
 
-State and parameters are NamedTuples of floats; the function is marked ``@scalar``, so that it
-compiles into a rollout.
+State and parameters are NamedTuples of floats (parameters may hold an array, such as the reference
+over speed); the function is marked ``@scalar``, so that it compiles into a rollout.
 """
 
 

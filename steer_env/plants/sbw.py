@@ -29,12 +29,13 @@ SBW = Plant(
     sensors=Sensors(),
     rack_share=0.0,
     observer_bandwidth_Hz=40.0,
+    # Flange and rotor of a given rig are known better than a car's: the notch of a controller counts on it.
     spread={
         "steering.J_s": (0.8, 1.5),
         "steering.b_s": (0.5, 4.0),
         "steering.M_s_fric": (0.5, 3.0),
-        "steering.c_tb": (0.5, 2.0),
-        "steering.J_pin": (0.7, 1.5),
+        "steering.c_tb": (0.75, 1.3),
+        "steering.J_pin": (0.8, 1.25),
         "steering.b_pin": (0.3, 3.0),
         "steering.M_fric": (0.4, 2.5),
         "motor.bandwidth_Hz": (0.4, 2.0),
