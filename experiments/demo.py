@@ -32,6 +32,7 @@ SPEEDS_KMH = (105.0, 75.0, 45.0)
 REPEATS = 3
 TRACKED_KMH = 75.0
 ARM = "relaxed"
+CONTROLLERS = ("open_loop_map", "pid")
 JUDGED = ("C_f", "C_r", "n_t", "J_ref", "b_ref", "k_gain", "c_pin_off", "M_fric_C")
 
 
@@ -44,7 +45,7 @@ def command(out: Path, seed: int, jobs: int, quiet: bool, as_json: bool) -> None
     from identification.identify import MODES, Options
 
     order, car = simulate.Order(SPEEDS_KMH, REPEATS, seed, False), VirtualCar()
-    cases = bench_cases.grid(speeds_kmh=(TRACKED_KMH,), arms=(ARM,))
+    cases = bench_cases.grid(CONTROLLERS, speeds_kmh=(TRACKED_KMH,), arms=(ARM,))
     runs = len(SPEEDS_KMH) * (len(runs_at(TRACKED_KMH, REPEATS, car)) + 1)
     total = runs + 2 * len(SPEEDS_KMH) + 1 + len(cases) + 1
     with progress("demo", total=total, quiet=quiet) as advance:
