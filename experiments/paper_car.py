@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.measures import Array, Complexes
+from identification.frf import Complexes, Floats
 from steer_env.plants import Reference
 from steer_env.plants.reference_file import ReferenceFile
 from steer_env.plants.reference_row import KnownVehicle, ReferenceRow, file_keys
@@ -44,7 +44,7 @@ class OurSpeed:
     responses: dict[str, Response]
     loop: dict[str, list[float]]
 
-    def hysteresis(self) -> tuple[Array, Array]:
+    def hysteresis(self) -> tuple[Floats, Floats]:
         """Measured pinion angle in rad and torsion-bar torque in N m at 0.2 Hz."""
         return np.array(self.loop["angle"]), np.array(self.loop["measured"])
 
@@ -81,15 +81,14 @@ class OurCar:
     def _reference(self, rows: list[dict[str, float]], slip: str) -> Reference:
         keys = [n for n in ReferenceRow._fields if n != "speed_kmh"]
         table = tuple(
-            ReferenceRow(s.speed_kmh, **{n: row[n] for n in keys})
-            for s, row in zip(self.speeds, rows, strict=True)
+            ReferenceRow(s.speed_kmh, **{n: row[n] for n in keys}) for s, row in zip(self.speeds, rows, strict=True)
         )
         none: tuple[dict[str, float], ...] = tuple({} for _ in table)
         file = ReferenceFile(self.vehicle, table, slip, none, none, tuple(() for _ in table))
         return Reference(file, linear=True, match_stiffness=False, source="our car")
 
 
-def complex_of(rows: Rows) -> tuple[Array, Complexes]:
+def complex_of(rows: Rows) -> tuple[Floats, Complexes]:
     """Frequency in Hz and complex value [n] of rows of (Hz, real, imaginary)."""
     f, real, imaginary = np.array(rows, dtype=float).reshape(-1, 3).T
     return f, real + 1j * imaginary

@@ -1,25 +1,20 @@
 """The two reference generators of Fig. 2 on their own: driven, and measured as a plant would be.
 
-The impedance generator is driven by a motion, the admittance generator by a torque. Both get the
-paper's sweep (0.2 to 5 Hz in 17.5 s), but with a soft start and end: a motion whose rate jumps
-would ask the impedance generator for an impulse of torque. It runs on to END_HZ at the same pace,
-because friction answers the fading amplitude at its end, which is no property of 5 Hz.
-
-Friction and assist answer a sweep with odd harmonics, which fall on frequencies that the sweep
-reaches later. Sweeps are therefore joined over four starting phases, an eighth of a turn apart:
-there the third, fifth and seventh cancel.
+The impedance generator is driven by a motion, the admittance generator by a torque. The linear ones get the paper's
+sweep (0.2 to 5 Hz in 17.5 s), but with a soft start and end: a motion whose rate jumps would ask the impedance
+generator for an impulse of torque. The complete ones get one sine after the other at the sweep's amplitude, and their
+first harmonic is taken: friction and assist answer a sweep with harmonics that fall on frequencies it reaches later.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from experiments.measures import Array, response_error
-from identification.frf import FrequencyResponse, frequency_response, spectra
+from experiments.measures import response_error
+from identification.frf import Complexes, Floats, FrequencyResponse, frequency_response, spectra
 from steer_env.envs.layout import PERIOD
 from steer_env.manoeuvres import MANOEUVRES
 from steer_env.physics import linear
@@ -33,12 +28,12 @@ from steer_env.physics.reference import (
 from steer_env.plants.amplitude import paper_acceleration, steering_amplitude
 
 BAND_HZ = (0.2, 5.0)
-END_HZ = 6.5
 RISE = 4.0  # s in which the amplitude rises at the first frequency
 HOLD = 5.0  # s at the first frequency: one period
 FADE = 0.6  # s of the last frequency that die away
 REST = 4.0  # s after it, so that the slowest mode of the published rows has died away too
-PHASES = tuple(np.pi / 4.0 * k for k in range(4))  # rad
+STEPPED_HZ = np.geomspace(0.2, 5.0, 41)
+SETTLED = 2.5  # s and cycles, at least, before a sine counts
 SINE_HZ = 0.2
 SINE_CYCLES = 3
 AT_REST = ReferenceState(*[0.0] * len(ReferenceState._fields))
@@ -47,9 +42,9 @@ AT_REST = ReferenceState(*[0.0] * len(ReferenceState._fields))
 class Motion(NamedTuple):
     """Pinion angle in rad, rate and acceleration [n], one sample per PERIOD."""
 
-    angle: Array
-    rate: Array
-    acceleration: Array
+    angle: Floats
+    rate: Floats
+    acceleration: Floats
 
 
 class Measured(NamedTuple):
@@ -59,10 +54,18 @@ class Measured(NamedTuple):
     rate: FrequencyResponse
 
 
+class Harmonics(NamedTuple):
+    """Pinion angle and rate per torsion-bar torque [n] at frequency [n] in Hz, by their first harmonics."""
+
+    frequency: Floats
+    angle: Complexes
+    rate: Complexes
+
+
 @dataclass
 class _Recording:
     dt: float
-    channels: dict[str, Array]
+    channels: dict[str, Floats]
 
 
 class Difference(NamedTuple):
@@ -72,21 +75,15 @@ class Difference(NamedTuple):
     phase_deg: float
 
 
-def sweeps(amplitude: float) -> list[Motion]:
-    """The sweep with every starting phase."""
-    return [sweep(amplitude, phase) for phase in PHASES]
-
-
-def sweep(amplitude: float, start: float = 0.0) -> Motion:
-    """The sweep with soft ends from a phase in rad, as angle in rad with its exact derivatives."""
+def sweep(amplitude: float) -> Motion:
+    """The sweep with soft ends, as angle in rad with its exact derivatives."""
     p = MANOEUVRES["frequency_response"].parameters
+    t = np.arange(round((HOLD + p.duration + FADE + REST) / PERIOD)) * PERIOD
+    swept = np.clip(t - HOLD, 0.0, p.duration)
+    after = np.maximum(t - HOLD - p.duration, 0.0)
     slope = (p.frequency_end - p.frequency) / p.duration
-    duration = (END_HZ - p.frequency) / slope
-    t = np.arange(round((HOLD + duration + FADE + REST) / PERIOD)) * PERIOD
-    swept = np.clip(t - HOLD, 0.0, duration)
-    after = np.maximum(t - HOLD - duration, 0.0)
     turns = p.frequency * np.minimum(t, HOLD) + (p.frequency + 0.5 * slope * swept) * swept
-    phase = start + 2.0 * np.pi * (turns + END_HZ * after)
+    phase = 2.0 * np.pi * (turns + p.frequency_end * after)
     omega = 2.0 * np.pi * (p.frequency + slope * swept)
     omega_rate = np.where((swept > 0.0) & (after == 0.0), 2.0 * np.pi * slope, 0.0)
     rise, fall = _soft_step(t / RISE), _soft_step(after / FADE)
@@ -98,14 +95,14 @@ def sweep(amplitude: float, start: float = 0.0) -> Motion:
     return Motion(amplitude * e * s, amplitude * (e1 * s + e * omega * c), amplitude * acceleration)
 
 
-def sine(amplitude: float) -> Motion:
-    """The steady-state manoeuvre from rest: a cycle that swells, then SINE_CYCLES at 0.2 Hz."""
-    omega = 2.0 * np.pi * SINE_HZ
-    t = np.arange(round((SINE_CYCLES + 1) / SINE_HZ / PERIOD)) * PERIOD
-    e, e1, e2 = _soft_step(t * SINE_HZ)
+def sine(amplitude: float, frequency: float = SINE_HZ, cycles: int = SINE_CYCLES) -> Motion:
+    """A sine from rest: one cycle that swells, then ``cycles``; by default the steady-state manoeuvre."""
+    omega = 2.0 * np.pi * frequency
+    t = np.arange(round((cycles + 1) / frequency / PERIOD)) * PERIOD
+    e, e1, e2 = _soft_step(t * frequency)
     s, c = np.sin(omega * t), np.cos(omega * t)
-    rate = e1 * SINE_HZ * s + e * omega * c
-    acceleration = e2 * SINE_HZ**2 * s + 2.0 * e1 * SINE_HZ * omega * c - e * omega**2 * s
+    rate = e1 * frequency * s + e * omega * c
+    acceleration = e2 * frequency**2 * s + 2.0 * e1 * frequency * omega * c - e * omega**2 * s
     return Motion(amplitude * e * s, amplitude * rate, amplitude * acceleration)
 
 
@@ -114,51 +111,59 @@ def paper_amplitude(speed: float, p: ReferenceParameters, peak_Hz: float = SINE_
     return steering_amplitude(paper_acceleration(speed), speed, p, peak_Hz)
 
 
-def impedance_torque(motion: Motion, speed: float, p: ReferenceParameters) -> Array:
+def impedance_torque(motion: Motion, speed: float, p: ReferenceParameters) -> Floats:
     """Torsion-bar torque [n] in N m that the impedance generator asks for."""
     torque = np.zeros(motion.angle.size)
     _run_impedance(np.column_stack(motion), AT_REST, speed, p, PERIOD, torque)
     return torque
 
 
-def admittance_motion(torque: Array, speed: float, p: ReferenceParameters) -> Motion:
+def admittance_motion(torque: Floats, speed: float, p: ReferenceParameters) -> Motion:
     """Pinion motion that the admittance generator asks for under a torque [n] in N m."""
     motion = np.zeros((torque.size, 3))
     _run_admittance(np.ascontiguousarray(torque), AT_REST, speed, p, PERIOD, motion)
     return Motion(motion[:, 0], motion[:, 1], motion[:, 2])
 
 
-def measure_impedance(
-    motions: Sequence[Motion], speed: float, p: ReferenceParameters
-) -> tuple[Measured, list[Array]]:
-    """Responses of the impedance generator under motions (the instrument), and its torques."""
-    torques = [impedance_torque(motion, speed, p) for motion in motions]
-    return _measured(motions, torques, [motion.angle for motion in motions]), torques
+def measure_impedance(motion: Motion, speed: float, p: ReferenceParameters) -> Measured:
+    """Responses of the impedance generator under a motion."""
+    return _measured(motion, impedance_torque(motion, speed, p), motion.angle)
 
 
-def measure_admittance(
-    torques: Sequence[Array],
-    speed: float,
-    p: ReferenceParameters,
-    instruments: Sequence[Array] | None = None,
-) -> tuple[Measured, list[Motion]]:
-    """Responses of the admittance generator under torques, and its motions.
-
-    ``instruments`` are what the torques came from; None where the torques came first.
-    """
-    motions = [admittance_motion(torque, speed, p) for torque in torques]
-    return _measured(motions, torques, instruments or torques), motions
+def measure_admittance(torque: Floats, speed: float, p: ReferenceParameters) -> Measured:
+    """Responses of the admittance generator under a torque."""
+    return _measured(admittance_motion(torque, speed, p), torque, torque)
 
 
-def _measured(
-    motions: Sequence[Motion], torques: Sequence[Array], instruments: Sequence[Array]
-) -> Measured:
-    """Both responses by Eq. 5 over all runs."""
-    runs = [
-        _Recording(PERIOD, {"d": d, "torque": torque, "angle": motion.angle, "rate": motion.rate})
-        for motion, torque, d in zip(motions, torques, instruments, strict=True)
-    ]
-    data = spectra(runs, ("d", "torque", "angle", "rate"))
+def harmonics(amplitude: float, speed: float, p: ReferenceParameters) -> tuple[Harmonics, Harmonics]:
+    """First harmonics at STEPPED_HZ under sines of an amplitude in rad: impedance, and admittance on its torque."""
+    forward, back = [], []
+    for frequency in STEPPED_HZ:
+        cycles = 2 + int(np.ceil(max(SETTLED * frequency, SETTLED)))
+        motion = sine(amplitude, frequency, cycles)
+        torque = impedance_torque(motion, speed, p)
+        returned = admittance_motion(torque, speed, p)
+        last = round(2.0 / frequency / PERIOD)
+        M_tb = _first_harmonic(torque[-last:], frequency)
+        forward.append([_first_harmonic(y[-last:], frequency) / M_tb for y in motion[:2]])
+        back.append([_first_harmonic(y[-last:], frequency) / M_tb for y in returned[:2]])
+    found = (np.array(rows).T for rows in (forward, back))
+    impedance, admittance = (Harmonics(STEPPED_HZ, angle, rate) for angle, rate in found)
+    return impedance, admittance
+
+
+def _first_harmonic(signal: Floats, frequency: float) -> complex:
+    """Complex amplitude at ``frequency`` in Hz by least squares beside an offset."""
+    turn = 2.0 * np.pi * frequency * PERIOD * np.arange(signal.size)
+    basis = np.column_stack([np.cos(turn), np.sin(turn), np.ones_like(turn)])
+    a, b, _ = np.linalg.lstsq(basis, signal, rcond=None)[0]
+    return complex(a, -b)
+
+
+def _measured(motion: Motion, torque: Floats, instrument: Floats) -> Measured:
+    """Both responses by Eq. 5."""
+    run = _Recording(PERIOD, {"d": instrument, "torque": torque, "angle": motion.angle, "rate": motion.rate})
+    data = spectra([run], ("d", "torque", "angle", "rate"))
     return Measured(*(frequency_response(data, "d", "torque", y, y) for y in ("angle", "rate")))
 
 
@@ -175,7 +180,7 @@ def difference_to_eq_10(found: Measured, speed: float, p: ReferenceParameters) -
     return Difference(magnitude, phase)
 
 
-def _soft_step(x: Array) -> tuple[Array, Array, Array]:
+def _soft_step(x: Floats) -> tuple[Floats, Floats, Floats]:
     """From 0 at x = 0 to 1 at x = 1 with three smooth derivatives; the first two of them."""
     u = np.clip(x, 0.0, 1.0)
     v = 1.0 - u
@@ -185,12 +190,12 @@ def _soft_step(x: Array) -> tuple[Array, Array, Array]:
 
 @compiled
 def _run_impedance(
-    motion: Array,
+    motion: Floats,
     x: ReferenceState,
     speed: float,
     p: ReferenceParameters,
     dt: float,
-    torque: Array,
+    torque: Floats,
 ) -> None:
     for k in range(len(motion)):
         M_tb, _, x = impedance_step(motion[k, 0], motion[k, 1], motion[k, 2], x, speed, p, dt)
@@ -199,12 +204,12 @@ def _run_impedance(
 
 @compiled
 def _run_admittance(
-    torque: Array,
+    torque: Floats,
     x: ReferenceState,
     speed: float,
     p: ReferenceParameters,
     dt: float,
-    motion: Array,
+    motion: Floats,
 ) -> None:
     for k in range(len(torque)):
         acceleration, x = admittance_step(torque[k], x, speed, p, dt)

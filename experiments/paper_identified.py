@@ -108,8 +108,15 @@ def _reduced(result: SpeedResult, printed: Steps) -> OurSpeed:
         "steps": loop.stepwise,
         "refined": loop.refined,
     }
-    forms = {"printed": printed.values, "steps": result.frf, "refined": result.values}
-    errors = {"printed": printed.std, "steps": result.frf_std, "refined": result.std}
+    # Step III-a takes c_pin_on from the vehicle alone, so all forms share it.
+    on = {"c_pin_on": result.values["c_pin_on"]}
+    on_error = {"c_pin_on": result.std["c_pin_on"]}
+    forms = {"printed": printed.values | on, "steps": result.frf | on, "refined": result.values}
+    errors = {
+        "printed": printed.std | on_error,
+        "steps": result.frf_std | on_error,
+        "refined": result.std,
+    }
     return OurSpeed(
         result.speed_kmh,
         {form: _row(values) for form, values in forms.items()},

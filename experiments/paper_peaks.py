@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
-from experiments.measures import Array
+from identification.frf import Floats
 from steer_env.physics import linear
 from steer_env.plants import Reference
 from steer_env.units import from_kmh
@@ -39,27 +39,35 @@ def closed_form(reference: Reference, speed_kmh: float) -> Peaks:
     )
 
 
-def measured(frequency: Array, angle: ArrayLike, rate: ArrayLike) -> Peaks:
-    """Peaks of measured responses at ``frequency`` in Hz, after smoothing."""
-    f = np.arange(frequency[0], frequency[-1], 0.01)
-    return Peaks(
-        summit(f, smoothed(frequency, np.abs(angle), f), FIRST_BAND_HZ),
-        summit(f, smoothed(frequency, np.abs(rate), f), SECOND_BAND_HZ),
-    )
+def measured(
+    angle: tuple[Floats, Floats], rate: tuple[Floats, Floats], trusted_to_Hz: float = SECOND_BAND_HZ[1]
+) -> Peaks:
+    """Peaks of measured responses, each (Hz, magnitude) [n], after smoothing; none beyond ``trusted_to_Hz``."""
+    found = []
+    for (frequency, magnitude), band in ((angle, FIRST_BAND_HZ), (rate, SECOND_BAND_HZ)):
+        f = np.arange(frequency[0], frequency[-1], 0.01)
+        inside = (band[0], min(band[1], trusted_to_Hz))
+        found.append(summit(f, smoothed(frequency, magnitude, f), inside))
+    return Peaks(*found)
 
 
-def summit(frequency: Array, magnitude: Array, band: tuple[float, float]) -> float:
+def stepped(frequency: Floats, angle: Floats, rate: Floats) -> Peaks:
+    """Peaks of magnitudes [n] that are free of noise at some frequencies in Hz: a spline joins them."""
+    f = FINE_HZ[(frequency[0] <= FINE_HZ) & (frequency[-1] >= FINE_HZ)]
+    joined = [CubicSpline(np.log(frequency), magnitude)(np.log(f)) for magnitude in (angle, rate)]
+    return Peaks(summit(f, joined[0], FIRST_BAND_HZ), summit(f, joined[1], SECOND_BAND_HZ))
+
+
+def summit(frequency: Floats, magnitude: Floats, band: tuple[float, float]) -> float:
     """Frequency in Hz of the largest value that is a maximum inside the band, or NaN."""
     inside = np.flatnonzero((frequency > band[0]) & (frequency < band[1]))
     inside = inside[(inside > 0) & (inside < frequency.size - 1)]
-    higher = (magnitude[inside] > magnitude[inside - 1]) & (
-        magnitude[inside] >= magnitude[inside + 1]
-    )
+    higher = (magnitude[inside] > magnitude[inside - 1]) & (magnitude[inside] >= magnitude[inside + 1])
     tops = inside[higher]
     return float(frequency[tops[magnitude[tops].argmax()]]) if tops.size else float("nan")
 
 
-def smoothed(frequency: Array, magnitude: Array, at: Array) -> Array:
+def smoothed(frequency: Floats, magnitude: Floats, at: Floats) -> Floats:
     """Magnitude in dB at ``at``: a parabola through the points within SMOOTHING_HZ of each."""
     decibel = 20.0 * np.log10(magnitude)
     values = np.empty(at.size)

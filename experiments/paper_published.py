@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments import paper_generators as generators
-from experiments.measures import Array, Complexes
-from experiments.paper_generators import Difference, Measured
+from experiments.paper_generators import Difference, Harmonics, Measured
+from identification.frf import Complexes, Floats
 from steer_env.physics import linear
-from steer_env.physics.reference import ReferenceParameters
+from steer_env.physics.reference import ReferenceParameters, single_track_of
 from steer_env.plants import Reference
 from steer_env.units import from_kmh
 
@@ -23,23 +23,17 @@ NARROW = 0.1  # N m: a Gaussian so narrow that the assist is c_on / c_off everyw
 class Executed:
     """One published row, driven through the paper's manoeuvres.
 
-    ``linear`` and ``complete`` hold (impedance, admittance) responses; ``difference`` is that of
-    the linear ones to Eq. 10; ``frictional`` is the impedance generator with friction and the
-    linearised assist; ``loop`` holds pinion angle in rad and torsion-bar torque in N m over whole
-    cycles at 0.2 Hz.
+    ``linear`` and ``complete`` hold (impedance, admittance) responses; ``difference`` is that of the linear ones to
+    Eq. 10; ``frictional`` is the impedance generator with friction and the linearised assist; ``loop`` holds pinion
+    angle in rad and torsion-bar torque in N m over whole cycles at 0.2 Hz.
     """
 
     speed_kmh: float
     linear: tuple[Measured, Measured]
     difference: tuple[Difference, Difference]
-    complete: tuple[Measured, Measured]
-    frictional: Measured
-    loop: tuple[Array, Array]
-
-    @property
-    def speed(self) -> float:
-        """Speed in m/s."""
-        return from_kmh(self.speed_kmh)
+    complete: tuple[Harmonics, Harmonics]
+    frictional: Harmonics
+    loop: tuple[Floats, Floats]
 
 
 def execute(speed_kmh: float, reference: Reference) -> Executed:
@@ -47,27 +41,23 @@ def execute(speed_kmh: float, reference: Reference) -> Executed:
     speed = from_kmh(speed_kmh)
     p = reference.at(speed)._replace(linear=0.0)
     plain = p._replace(linear=1.0)
-    motions = generators.sweeps(generators.paper_amplitude(speed, p, generators.BAND_HZ[1]))
-    impedance, _ = generators.measure_impedance(motions, speed, plain)
-    torques = [motion.angle for motion in generators.sweeps(TORQUE_SWEEP)]
-    admittance, _ = generators.measure_admittance(torques, speed, plain)
-    complete, asked = generators.measure_impedance(motions, speed, p)
-    instruments = [motion.angle for motion in motions]
-    returned, _ = generators.measure_admittance(asked, speed, p, instruments)
+    amplitude = generators.paper_amplitude(speed, p, generators.BAND_HZ[1])
+    linear_ones = (
+        generators.measure_impedance(generators.sweep(amplitude), speed, plain),
+        generators.measure_admittance(generators.sweep(TORQUE_SWEEP).angle, speed, plain),
+    )
+    first, second = (generators.difference_to_eq_10(found, speed, plain) for found in linear_ones)
     return Executed(
         speed_kmh,
-        (impedance, admittance),
-        (
-            generators.difference_to_eq_10(impedance, speed, plain),
-            generators.difference_to_eq_10(admittance, speed, plain),
-        ),
-        (complete, returned),
-        generators.measure_impedance(motions, speed, _friction_only(p))[0],
+        linear_ones,
+        (first, second),
+        generators.harmonics(amplitude, speed, p),
+        generators.harmonics(amplitude, speed, _friction_only(p))[0],
         steady_loop(speed, p),
     )
 
 
-def steady_loop(speed: float, p: ReferenceParameters) -> tuple[Array, Array]:
+def steady_loop(speed: float, p: ReferenceParameters) -> tuple[Floats, Floats]:
     """Angle and torque of the impedance generator over SINE_CYCLES cycles at 0.2 Hz."""
     motion = generators.sine(generators.paper_amplitude(speed, p))
     torque = generators.impedance_torque(motion, speed, p)
@@ -77,19 +67,22 @@ def steady_loop(speed: float, p: ReferenceParameters) -> tuple[Array, Array]:
 
 def eq_10(reference: Reference, speed_kmh: float) -> Complexes:
     """Angle and rate per torsion-bar torque at LINE_HZ [n, 2], linearised assist, no friction."""
+    return eq_10_at(reference, speed_kmh, LINE_HZ)
+
+
+def eq_10_at(reference: Reference, speed_kmh: float, frequency: Floats) -> Complexes:
+    """The same at any frequencies in Hz."""
     speed = from_kmh(speed_kmh)
     p = reference.at(speed)
     matrices = linear.reference_matrices(speed, p, 1.0 + p.k_gain)
-    return linear.frequency_response(matrices, LINE_HZ)[:, :, 0]
+    return linear.frequency_response(matrices, frequency)[:, :, 0]
 
 
 def vehicle_lines(reference: Reference, speed_kmh: float, i_rp: float) -> dict[str, Complexes]:
     """Eqs. 6 and 9 at LINE_HZ: body motion per tyre angle, rack force per rack travel in N/m."""
     speed = from_kmh(speed_kmh)
     p = reference.at(speed)._replace(relaxed=1.0, c_extra=0.0)
-    track = linear.frequency_response(
-        linear.single_track_matrices(speed, linear.single_track_of(p)), LINE_HZ
-    )[:, :, 0]
+    track = linear.frequency_response(linear.single_track_matrices(speed, single_track_of(p)), LINE_HZ)[:, :, 0]
     load = linear.frequency_response(linear.load_matrices(speed, p), LINE_HZ)[:, 0, 0]
     return {
         "yaw_rate": track[:, 0],

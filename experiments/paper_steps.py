@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from experiments.measures import Array, Complexes
 from identification import timing
 from identification.axles import Axles, can_balance, fit_lags
 from identification.campaign import Campaign
 from identification.curves import PLOT_HZ
-from identification.identify import VEHICLE_KEYS
+from identification.frf import Complexes, Floats
 from identification.pinion import PinionIdentification, PinionModel
 from identification.speed_data import SpeedResponses, SpeedRuns, responses, runs_by_speed
 from identification.stages import Chain
@@ -22,6 +21,7 @@ from identification.vehicle import VehicleIdentification
 from steer_env.plants.reference_row import KnownVehicle
 
 SLIP = "kinematic"
+VEHICLE_KEYS = ("n_t", "sigma_f", "sigma_r", "C_f", "C_r", "J_z")
 
 
 class Steps(NamedTuple):
@@ -29,7 +29,7 @@ class Steps(NamedTuple):
 
     values: dict[str, float]
     std: dict[str, float]
-    fitted: tuple[Array, Complexes]
+    fitted: tuple[Floats, Complexes]
 
 
 def printed_steps(campaign: Campaign) -> dict[float, Steps]:
@@ -38,19 +38,12 @@ def printed_steps(campaign: Campaign) -> dict[float, Steps]:
     assert vehicle is not None  # our own campaign states it
     driven = runs_by_speed(campaign)
     found = [responses(runs.sweeps, runs.speed, vehicle) for runs in driven]
-    axles = [
-        Axles(r.vehicle.spectra, runs.speed, vehicle) for runs, r in zip(driven, found, strict=True)
-    ]
+    axles = [Axles(r.vehicle.spectra, runs.speed, vehicle) for runs, r in zip(driven, found, strict=True)]
     lags = fit_lags([a for a in axles if can_balance(a.data)])
-    return {
-        runs.speed_kmh: _at_speed(runs, r, vehicle, campaign, lags)
-        for runs, r in zip(driven, found, strict=True)
-    }
+    return {runs.speed_kmh: _at_speed(runs, r, vehicle, campaign, lags) for runs, r in zip(driven, found, strict=True)}
 
 
-def _at_speed(
-    runs: SpeedRuns, found: SpeedResponses, vehicle: KnownVehicle, campaign: Campaign, lags: Chain
-) -> Steps:
+def _at_speed(runs: SpeedRuns, found: SpeedResponses, vehicle: KnownVehicle, campaign: Campaign, lags: Chain) -> Steps:
     first = VehicleIdentification(vehicle).fit([found.vehicle], lags)
     chain = first.chain_.copy()
     bar = campaign.steering
