@@ -32,6 +32,7 @@ from steer_env.physics.assist import assist
 from steer_env.plants.reference_row import KnownVehicle
 
 TOLERANCE = 1e-7  # a ten thousandth of a standard error, at a third of the simulations
+ROUGH = 1e-5  # for the fit that only sets the weights
 SWEEP_FRICTION = "M_fric_C_sweep"
 BOUNDS = {"J_ref": (0.002, 0.6), "b_ref": (-5.0, 10.0), **STEADY_BOUNDS, SWEEP_FRICTION: (0.0, 15.0)}
 UNKNOWNS = ("J_ref", "b_ref", "r", "sigma_assist", "M_fric_C", "c_fric")
@@ -96,13 +97,13 @@ class Refinement:
 
         A constant gain 1 + k_gain is the limit of Eq. 14 for a small sigma: r = 1 / (1 + k_gain).
         """
-        found = chain.copy().fit([misfit], start, BOUNDS, TOLERANCE)
+        found = chain.copy().fit([misfit], start, BOUNDS, ROUGH, final=False)
         linear = dict.fromkeys((n for n in (SWEEP_FRICTION, "M_fric_C") if n in start), 0.01)
         linear |= {"r": 1.0 / (1.0 + chain.values["k_gain"]), "sigma_assist": 0.1}
         linear = {**start, **linear, "J_ref": chain.values["J_ref"], "b_ref": chain.values["b_ref"]}
         if np.sum(misfit.residual({**chain.values, **linear}) ** 2) >= np.sum(misfit.residual(found.values) ** 2):
             return found
-        return chain.copy().fit([misfit], linear, BOUNDS, TOLERANCE)
+        return chain.copy().fit([misfit], linear, BOUNDS, ROUGH, final=False)
 
 
 def manoeuvre_weights(misfit: ForwardMisfit | TorqueMisfit, values: Values) -> dict[str, float]:

@@ -117,10 +117,12 @@ class Chain:
         start: Values,
         bounds: Mapping[str, tuple[float, float]],
         tolerance: float = 1e-10,
+        final: bool = True,
     ) -> Chain:
         """Fit the names in ``start`` within ``bounds`` with everything else held; returns self.
 
-        ``tolerance`` is the relative change of cost and parameters that ends the search.
+        ``tolerance`` is the relative change of cost and parameters that ends the search. A fit that is not ``final``
+        only moves the values: a later one of the same names must follow, which alone enters the errors.
         """
         names = list(start)
         lower, upper = np.array([bounds[n] for n in names], dtype=float).T
@@ -139,7 +141,8 @@ class Chain:
         margin = 1e-4 * (upper - lower)
         stuck = {n for n, v, lo, hi, m in zip(names, x, lower, upper, margin, strict=True) if not lo + m < v < hi - m}
         self.at_bound = (self.at_bound - set(names)) | stuck
-        self._record(problems, [n for n in names if n not in stuck])
+        if final:
+            self._record(problems, [n for n in names if n not in stuck])
         return self
 
     def _record(self, problems: Sequence[Problem], free: list[str]) -> None:
