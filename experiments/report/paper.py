@@ -27,6 +27,10 @@ LIMITS = """
 > size and tuning: its curves should have the paper's shape, not its numbers. Its truth is known, so it can judge the
 > method.
 """
+RAGGED = (
+    "The reference is the first harmonic under sines of the sweep's amplitude; the controllers' lines come from one "
+    "sweep, whose harmonics make them ragged. The table below compares each with the reference of its own run."
+)
 FORMS = """
 Our car's campaign (seven speeds, the paper's manoeuvres, logged with noise, rounding and latency) is identified by the
 paper's steps I to III with Eq. 10 **as printed**, whose rack torque comes from kinematic slip, by the same steps with
@@ -185,7 +189,7 @@ def _generators(report: Report, results: Results) -> None:
     report.figure(draw.bode_columns(panels.figure_9(results)), f"As Figure 9, {v:g} km/h: no friction, K = 1 + k_gain.")
     complete = panels.figure_10(results)
     for pair in (complete[:2], complete[2:]):
-        report.figure(draw.bode_columns(pair), f"As Figure 10, {v:g} km/h: friction and assist included.")
+        report.figure(draw.bode_columns(pair), f"As Figure 10, {v:g} km/h: friction and assist included. {RAGGED}")
     report.figure(draw.loop_columns(panels.figure_11(results)), f"As Figure 11, {v:g} km/h, 0.2 Hz.")
     report.table(*_closed_loop_table(results))
 
