@@ -27,6 +27,7 @@ from steer_env.plants import Plant, Reference
 CONTROLLERS: dict[str, str] = {
     "open_loop_map": "controllers.open_loop_map",
     "pid": "controllers.pid",
+    "lead": "controllers.lead",
 }
 
 CAUSALITIES = ("impedance", "admittance")

@@ -1,0 +1,25 @@
+"""The laws that close a loop on the reference, besides pid: stable in the small, and each one's own promise."""
+
+from itertools import product
+
+import pytest
+
+import controllers
+from controllers import CAUSALITIES, CONTROLLERS
+from experiments import coupled_stability
+from steer_env.envs.task import Task
+from steer_env.plants import DRIVERS, PLANTS, Reference
+
+LAWS = [name for name in CONTROLLERS if name not in ("open_loop_map", "pid")]
+
+
+@pytest.mark.parametrize(("name", "plant", "causality"), list(product(LAWS, PLANTS, CAUSALITIES)))
+@pytest.mark.parametrize(("speed_kmh", "linear"), [(45.0, False), (75.0, True), (105.0, False)])
+def test_stable_in_the_small_with_every_arm(name, plant, causality, speed_kmh, linear):
+    """Eigenvalues of the whole loop, friction stuck or absent: catches a gain set for one arm."""
+    reference = Reference.load("published", linear)
+    law = controllers.make(name, PLANTS[plant], reference, causality)
+    for arm in DRIVERS:
+        task = Task(plant, causality, reference, linear, None, "standstill", speed_kmh, arm)
+        fastest = coupled_stability.modes(task, law)[0]
+        assert fastest.real < 0.0, f"{arm}: grows with {fastest}"
