@@ -14,6 +14,7 @@ for _plant, _causality in product(("EPAS", "SbW"), ("impedance", "admittance")):
     gymnasium.register(
         id=f"steer_env/{_plant}-{_causality.capitalize()}-v0",
         entry_point="steer_env.envs:SteerEnv",
+        vector_entry_point="steer_env.envs:SteerVectorEnv",
         max_episode_steps=None,  # the manoeuvre ends the episode
         kwargs={"plant": _plant, "causality": _causality},
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, get_type_hints
 
 from steer_env.errors import InputError
@@ -30,6 +31,7 @@ class Quantity:
     source: str
 
 
+@cache
 def quantities(parameter_set: type) -> dict[str, Quantity]:
     """The Quantity of each annotated field of a parameter NamedTuple, by field name."""
     found = {}
@@ -42,7 +44,8 @@ def quantities(parameter_set: type) -> dict[str, Quantity]:
 
 def check_ranges(parameters: Any, where: str) -> None:
     """Raise InputError where a field is not finite or out of range; ``where`` names the origin."""
-    for name, quantity in quantities(type(parameters)).items():
+    kind: Any = type(parameters)
+    for name, quantity in quantities(kind).items():
         value = float(getattr(parameters, name))
         if not math.isfinite(value):
             raise InputError(

@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from steer_env.envs.steer_env import SteerEnv
 from steer_env.envs.task import Task
+from steer_env.envs.vector_env import SteerVectorEnv
 
-__all__ = ["SteerEnv", "Task"]
+__all__ = ["SteerEnv", "SteerVectorEnv", "Task"]

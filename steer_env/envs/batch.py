@@ -78,6 +78,65 @@ def step_batch(
             truths[i, j] = truth[j]
 
 
+@compiled
+def step_vector(
+    shares: Array,
+    rated_torques: Array,
+    skip: NDArray[np.bool_],
+    noise: Array,
+    next_noise: NDArray[np.int64],
+    periods_left: NDArray[np.int64],
+    parameters: Array,
+    states: Array,
+    lines: Array,
+    table: Array,
+    car_table: Array,
+    scales: Array,
+    observations: Array,
+    scaled: NDArray[np.float32],
+    truths: Array,
+    rewards: Array,
+    clipped: NDArray[np.bool_],
+    ended: NDArray[np.bool_],
+) -> tuple[int, int]:
+    """One period of the n environments that are not skipped; (how many ended, lack noise).
+
+    ``shares`` [n] of ``rated_torques`` [n] are clipped to +-1. ``noise`` [n, block, 2] is taken at
+    ``next_noise`` [n]; ``periods_left`` [n] counts down to the end of the manoeuvre. Fills rows of
+    ``observations``, ``scaled`` and ``truths`` as ``step_batch`` does, and rewards, clipped, ended
+    [n]; rows of skipped environments stay as they are.
+    """
+    n_ended, n_lacking = 0, 0
+    for i in range(shares.shape[0]):
+        if skip[i]:
+            continue
+        share, k = shares[i], next_noise[i]
+        clipped[i] = share < -1.0 or share > 1.0
+        observation, truth = control_period(
+            min(max(share, -1.0), 1.0) * rated_torques[i],
+            noise[i, k, 0],
+            noise[i, k, 1],
+            parameters[i],
+            states[i],
+            lines[i],
+            table,
+            car_table,
+        )
+        for j in range(len(observation)):
+            observations[i, j] = observation[j]
+            part = observation[j] / scales[i, j]
+            scaled[i, j] = min(max(part, -OBSERVATION_LIMIT), OBSERVATION_LIMIT)
+        for j in range(len(truth)):
+            truths[i, j] = truth[j]
+        rewards[i] = truth.reward_tracking + truth.reward_smoothness + truth.reward_effort
+        next_noise[i] = k + 1
+        n_lacking += next_noise[i] == noise.shape[1]
+        periods_left[i] -= 1
+        ended[i] = truth.unstable > 0.5 or periods_left[i] <= 0
+        n_ended += ended[i]
+    return n_ended, n_lacking
+
+
 def make_rollout(law: Callable[[Observation, Any, Any], Any]) -> Callable[..., int]:
     """A compiled closed-loop episode around a pure control law.
 

@@ -16,7 +16,9 @@ from steer_env.physics.control_unit import Observation
 from steer_env.physics.motor import Motor
 from steer_env.plants import Plant, Reference
 
-NOISE_BLOCK = 512  # periods of noise drawn at once
+NOISE_BLOCK = 64  # periods of noise drawn at once: 1 KiB for each environment
+UNSTABLE = "unstable: the wheel was thrown beyond any sane rate or torque"
+COMPLETE = "end of the manoeuvre"
 RENDER_FPS = 25
 
 
@@ -113,7 +115,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._setup = prepare(self.task, self.np_random, PERIOD)
         self._rows[0][0] = self._setup.row
         self._rated_torque = self.motor.rated_torque
-        self._scales[0] = _scales(self.task.causality, self._rated_torque)
+        self._scales[0] = scales_of(self.task.causality, self._rated_torque)
         batch.start_batch(*self._rows, self._setup.table, self._setup.car_table)
         self._period = 0
         self._draw_noise()
@@ -159,9 +161,9 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         truth = self._truth[0]
         ended = ""
         if truth[-1] > 0.5:
-            ended = "unstable: the wheel was thrown beyond any sane rate or torque"
+            ended = UNSTABLE
         elif self._period >= self._setup.periods:
-            ended = "end of the manoeuvre"
+            ended = COMPLETE
         info = self._info(clipped, ended)
         reward = info["reward_tracking"] + info["reward_smoothness"] + info["reward_effort"]
         if self._viewer is not None or self.render_mode == "human":
@@ -204,7 +206,8 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._viewer
 
 
-def _scales(causality: str, rated_torque: float) -> Observation:
+def scales_of(causality: str, rated_torque: float) -> Observation:
+    """What one unit of each scaled observation is, SI; ``rated_torque`` in N m."""
     scales = OBSERVATION_SCALES._replace(
         last_torque_1=rated_torque,
         last_torque_2=rated_torque,

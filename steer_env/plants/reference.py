@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,15 +38,17 @@ class Reference:
 
     @classmethod
     def load(cls, source: str | Path | Reference, linear: bool | None = None) -> Reference:
-        """From "published", a path or a Reference; ``linear`` None keeps the source's choice."""
+        """From "published", a path or a Reference; ``linear`` None keeps the source's choice.
+
+        A file is read and digested once, until it changes.
+        """
         if isinstance(source, Reference):
-            return (
-                source
-                if linear is None
-                else cls(source.file, linear, source.match_stiffness, source.source)
-            )
-        file = published() if str(source) == "published" else read_reference(source)
-        return cls(file, bool(linear), source=str(source))
+            if linear is None or linear == source.linear:
+                return source
+            return cls(source.file, linear, source.match_stiffness, source.source)
+        path = Path(source)
+        changed = path.stat().st_mtime_ns if path.is_file() else 0
+        return _loaded(str(source), changed, bool(linear))
 
     @cached_property
     def table(self) -> NDArray[np.float64]:
@@ -109,6 +111,13 @@ class Reference:
         if not self.match_stiffness:
             return bare
         return bare._replace(c_extra=missing_stiffness(from_kmh(row.speed_kmh), bare, row.c_pin_on))
+
+
+@lru_cache(maxsize=32)
+def _loaded(source: str, changed: int, linear: bool) -> Reference:
+    """One object for each content, so that its table is made once; ``changed`` is the file's time."""
+    file = published() if source == "published" else read_reference(source)
+    return Reference(file, linear, source=source)
 
 
 def steady_stiffness(speed: float, p: ReferenceParameters) -> float:

@@ -1,0 +1,199 @@
+"""SteerVectorEnv: many steering systems that step together in one compiled call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, cast
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from steer_env.envs import batch
+from steer_env.envs.layout import OBSERVATION_LIMIT, PARAMETERS, PERIOD, Truth
+from steer_env.envs.steer_env import COMPLETE, NOISE_BLOCK, UNSTABLE, scales_of
+from steer_env.envs.task import Task, prepare
+from steer_env.physics.control_unit import Observation
+
+MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
+N_OBSERVED, N_TRUTH = len(Observation._fields), len(Truth._fields)
+SPEED_OBSERVED, SPEED_TRUE = Observation._fields.index("speed"), Truth._fields.index("speed")
+UNSTABLE_TRUE = Truth._fields.index("unstable")
+
+Infos = dict[str, Any]
+Step = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], Infos]
+
+
+class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+    """N environments of one task; bit for bit what N ``SteerEnv`` with the same seeds give.
+
+    Made by ``gymnasium.make_vec(id, num_envs=N, vectorization_mode="vector_entry_point")`` with the
+    options of ``Task``. Spaces, rewards and ends are those of ``SteerEnv``. Each environment has its
+    own generator for randomisation and noise; ``reset(seed=s)`` seeds them s, s + 1, ... (or give a
+    list), and without a seed they run on.
+
+    ``autoreset_mode``: NEXT_STEP (default), where the step after an episode's end ignores the
+    action, resets and pays no reward; or SAME_STEP, where the step that ends an episode returns the
+    next one's first observation, the last one and its infos being in ``infos["final_obs"]`` and
+    ``infos["final_info"]``.
+
+    ``infos`` holds one array of n values for each field of ``Truth`` in SI, ``observation`` [n, 13]
+    in SI, ``clipped`` and ``ended``, and for each name its mask ``_name`` (all True, read only).
+    What a step returns is made anew and belongs to the caller; nothing else is allocated. A reset
+    costs Python for each environment that is reset, and noise for one drawing of each in
+    NOISE_BLOCK steps. An action that is not finite is a ValueError that leaves all as it was.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": MODES[0]}  # noqa: RUF012
+    _observation: NDArray[np.float64]
+    _scaled: NDArray[np.float32]
+    _truth: NDArray[np.float64]
+    _reward: NDArray[np.float64]
+    _clipped: NDArray[np.bool_]
+    _ended: NDArray[np.bool_]
+
+    def __init__(self, num_envs: int = 1, autoreset_mode: AutoresetMode | str = MODES[0], **options: Any) -> None:
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        if self.autoreset_mode not in MODES:
+            raise ValueError(f"autoreset_mode {self.autoreset_mode} is not one of {MODES}")
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        n = self.num_envs = num_envs
+        self.task = Task().changed(options)
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
+        self.single_observation_space = gymnasium.spaces.Box(
+            -OBSERVATION_LIMIT, OBSERVATION_LIMIT, (N_OBSERVED,), np.float32
+        )
+        self.action_space = batch_space(self.single_action_space, n)
+        self.observation_space = batch_space(self.single_observation_space, n)
+        self._rows = batch.new_rows(n)
+        self._scales = np.ones((n, N_OBSERVED))
+        self._rated_torque, self._shares = np.ones(n), np.zeros(n)
+        self._noise, self._next_noise = np.zeros((n, NOISE_BLOCK, 2)), np.zeros(n, np.int64)
+        self._left = np.zeros(n, np.int64)
+        self._skip, self._finite = np.zeros((2, n), np.bool_)
+        self._generators: list[np.random.Generator] = []
+        self._new_step()
+        self._n_ended = self._n_lacking = 0
+        self._running, self._all = np.full(n, "", object), np.ones(n, np.bool_)
+        self._running.flags.writeable = self._all.flags.writeable = False
+        # Checked now, so that a wrong option is told at make; what this draws is thrown away.
+        self._keep(self.task)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], Infos]:
+        """Start all episodes; ``options`` are fields of Task and hold until changed again."""
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+        self._seed([None] * self.num_envs if seeds is None else seeds)
+        if options:
+            self._keep(self.task.changed(options))
+        self._new_step()
+        for i in range(self.num_envs):
+            self._start(i)
+        self._n_ended = self._n_lacking = 0
+        self._skip[:] = False
+        return self._scaled, self._infos(self._running)
+
+    def step(self, actions: NDArray[np.float32]) -> Step:
+        """One control period with motor torques as shares [n, 1] of the rated torques."""
+        if not self._generators:
+            raise RuntimeError("step before reset: call reset() first")
+        self._take(actions)
+        over = self._ended if self._n_ended else None
+        self._new_step()
+        if over is not None and self.autoreset_mode is AutoresetMode.NEXT_STEP:
+            self._skip[:] = over
+            for i in np.flatnonzero(over).tolist():
+                self._start(i)
+        if self._n_lacking:
+            for i in np.flatnonzero(self._next_noise == NOISE_BLOCK).tolist():
+                self._draw_noise(i)
+        given: Any = (self._shares, self._rated_torque, self._skip, self._noise, self._next_noise, self._left)
+        rows, tables = cast(Any, self._rows), cast(Any, (self._table, self._car_table, self._scales))
+        results: Any = (self._observation, self._scaled, self._truth, self._reward, self._clipped, self._ended)
+        self._n_ended, self._n_lacking = batch.step_vector(*given, *rows, *tables, *results)
+        if over is not None:
+            self._skip[:] = False
+        terminated = np.zeros(self.num_envs, np.bool_)
+        if not self._n_ended:
+            return self._scaled, self._reward, terminated, self._ended.copy(), self._infos(self._running)
+        reasons = self._running.copy()
+        unstable = self._truth[:, UNSTABLE_TRUE] > 0.5
+        reasons[self._ended & unstable], reasons[self._ended & ~unstable] = UNSTABLE, COMPLETE
+        infos = self._infos(reasons)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            infos = self._restarted(infos)
+        return self._scaled, self._reward, terminated, self._ended.copy(), infos
+
+    def _take(self, actions: NDArray[np.float32]) -> None:
+        """Actions into the buffer that the kernel reads, if all are finite."""
+        given = np.asarray(actions).reshape(-1)
+        if given.size != self.num_envs:
+            raise ValueError(f"actions have shape {np.shape(actions)}: give ({self.num_envs}, 1)")
+        if not np.isfinite(given, out=self._finite).all():
+            i = int(np.argmin(self._finite))
+            raise ValueError(f"action of environment {i} is {given[i]}: give finite shares of the rated torque")
+        self._shares[:] = given
+
+    def _restarted(self, infos: Infos) -> Infos:
+        """SAME_STEP: start what ended; the infos of the new episodes, with the old ones inside."""
+        ended = self._ended
+        final: Infos = {name: ended if name[0] == "_" else value for name, value in infos.items()}
+        last = np.full(self.num_envs, None, object)
+        for i in np.flatnonzero(ended).tolist():
+            last[i] = self._scaled[i].copy()
+        self._observation = self._observation.copy()
+        self._truth, self._clipped = self._truth.copy(), self._clipped.copy()
+        for i in np.flatnonzero(ended).tolist():
+            self._start(i)
+        ends: Infos = {"final_obs": last, "_final_obs": ended, "final_info": final, "_final_info": ended}
+        return self._infos(self._running) | ends
+
+    def _new_step(self) -> None:
+        """Arrays for what one step returns."""
+        n = self.num_envs
+        self._observation, self._truth = np.empty((n, N_OBSERVED)), np.empty((n, N_TRUTH))
+        self._scaled = np.empty((n, N_OBSERVED), np.float32)
+        self._reward = np.zeros(n)
+        self._clipped, self._ended = np.zeros((2, n), np.bool_)
+
+    def _start(self, i: int) -> None:
+        """A new episode of one environment: its draws, rows at rest, first observation."""
+        setup = prepare(self.task, self._generators[i], PERIOD)
+        self._rows[0][i] = setup.row
+        rated_torque = self._rated_torque[i] = PARAMETERS.read(setup.row, "motor").rated_torque
+        self._scales[i] = scales_of(self.task.causality, rated_torque)
+        parameters, states, lines = (rows[i : i + 1] for rows in self._rows)
+        batch.start_batch(parameters, states, lines, self._table, self._car_table)
+        self._left[i] = setup.periods
+        self._draw_noise(i)
+        speed = PARAMETERS.read(setup.row, "episode").speed
+        self._observation[i], self._observation[i, SPEED_OBSERVED] = 0.0, speed
+        self._scaled[i] = self._observation[i] / self._scales[i]
+        self._truth[i], self._truth[i, SPEED_TRUE] = 0.0, speed
+        self._clipped[i] = False
+
+    def _draw_noise(self, i: int) -> None:
+        self._generators[i].standard_normal(out=self._noise[i])
+        self._next_noise[i] = 0
+
+    def _seed(self, seeds: Sequence[int | None]) -> None:
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments")
+        before: Sequence[Any] = self._generators or [None] * self.num_envs
+        self._generators = [
+            old if old is not None and seed is None else seeding.np_random(seed)[0]
+            for old, seed in zip(before, seeds, strict=True)
+        ]
+
+    def _keep(self, task: Task) -> None:
+        setup = prepare(task, np.random.default_rng(0), PERIOD)
+        self.task, self._table, self._car_table = task, setup.table, setup.car_table
+
+    def _infos(self, ended: NDArray[Any]) -> Infos:
+        infos: Infos = dict(zip(Truth._fields, self._truth.T, strict=True))
+        infos["observation"], infos["clipped"], infos["ended"] = self._observation, self._clipped, ended
+        return infos | {f"_{name}": self._all for name in infos}
