@@ -91,7 +91,7 @@ def campaign(cars: list[tuple[Truth, list[tuple[str, Array]]]], rng: np.random.G
     for truth, clean in cars:
         for number, (manoeuvre, record) in enumerate(clean):
             time = np.arange(record.shape[0]) * 2 * STEP
-            stamp = time[:: LOG_EVERY // 2]
+            stamp: Array = time[:: LOG_EVERY // 2].astype(np.float64)
             channels = {"vehicle_speed_mps": np.full(stamp.size, truth.speed)}
             for k, name in enumerate(COLUMNS):
                 late = np.interp(stamp - LATENCY[k], time, record[:, k])

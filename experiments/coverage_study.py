@@ -113,7 +113,8 @@ def virtual_campaign(plans: Plans, seed: int) -> Campaign:
     """The planned runs, driven and logged, as a campaign; all are for identification."""
     car, runs = VirtualCar(), []
     for run in (run for plan in plans.values() for run in plan):
-        columns = dict(drive(run, car, generator_of(run, seed)))
+        logged = drive(run, car, generator_of(run, seed))
+        columns = {name: np.asarray(values, dtype=np.float64) for name, values in logged.items()}
         time = columns.pop("time_s")
         speed = from_kmh(run.speed_kmh)
         runs.append(Run(run.name, run.manoeuvre, speed, "identify", time, 0.01, columns))

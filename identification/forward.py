@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import fftconvolve
 
 from identification.campaign import Run
 from identification.frf import Floats
@@ -22,6 +21,7 @@ from identification.motion import BandLimited, band_filter, band_limited
 from identification.stages import Scores, Values
 from identification.torque import (
     SETTLE_S,
+    THIN,
     VEHICLE_PARAMETERS,
     block_scores,
     friction_of,
@@ -106,7 +106,7 @@ class ForwardMisfit:
             {n: band_limited(run.channels[n], run.dt, INPUT_HZ) for n in names if n in run.channels}
             for run in self.runs
         ]
-        self._filters = [band_filter(run.dt) for run in self.runs]
+        self._filters = [band_filter(run.channels[NEEDS[0]].size, run.dt) for run in self.runs]
 
     def uses(self, name: str) -> bool:
         """A measured rack force leaves the vehicle's parameters out of it."""
@@ -114,11 +114,11 @@ class ForwardMisfit:
         return name not in VEHICLE_PARAMETERS or modelled
 
     def residual(self, values: Values) -> Floats:
-        """[sum of kept samples] in N m: measured minus simulated."""
+        """[sum of kept samples] in N m: measured minus simulated, every THIN-th sample."""
         parts = []
         for run, inputs, kernel in zip(self.runs, self.inputs(values), self._filters, strict=True):
             error = inputs.M_tb - self.simulate(inputs, run.dt, friction_of(run, values))
-            kept = fftconvolve(error, kernel, mode="same")[inputs.keep]
+            kept = kernel(error)[inputs.keep][::THIN]
             parts.append((kept - kept.mean()) * self.weights.get(run.manoeuvre, 1.0))
         return np.concatenate(parts)
 
@@ -137,7 +137,7 @@ class ForwardMisfit:
 
     def sizes(self, values: Values) -> list[int]:
         """Kept samples of each run."""
-        return [i.M_tb[i.keep].size for i in self.inputs(values)]
+        return [i.M_tb[i.keep][::THIN].size for i in self.inputs(values)]
 
     def inputs(self, values: Values) -> list[Inputs]:
         """The runs shifted by the lags in ``values``; kept until those change."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 
 from identification.frf import Complexes, Floats
 
@@ -81,12 +82,33 @@ def band_limited(signal: Floats, dt: float, cutoff_Hz: float = CUTOFF_HZ) -> Ban
     return BandLimited(spectrum, frequency, n, pad, dt, first, slope)
 
 
-def band_filter(dt: float, cutoff_Hz: float = CUTOFF_HZ) -> Floats:
-    """Impulse response of the band limit, one second long, for signals made after it (they have new harmonics)."""
+@dataclass(frozen=True)
+class BandFilter:
+    """The same band limit for signals made after it, which have new harmonics: zero phase, one second long.
+
+    ``spectrum`` is that of the impulse response of 2 half + 1 samples at a length that holds ``n`` samples and it.
+    """
+
+    n: int
+    half: int
+    length: int
+    spectrum: Complexes
+
+    def __call__(self, signal: Floats) -> Floats:
+        """The filtered signal [n]; as if it were zero before and after."""
+        full = irfft(rfft(signal, self.length) * self.spectrum, self.length)
+        kept: Floats = full[self.half : self.half + self.n]
+        return kept
+
+
+def band_filter(n: int, dt: float, cutoff_Hz: float = CUTOFF_HZ) -> BandFilter:
+    """The filter for records of ``n`` samples."""
     half = round(0.5 / dt)
     impulse = np.zeros(2 * half + 1)
     impulse[half] = 1.0
-    return band_limited(impulse, dt, cutoff_Hz).signal()
+    response = band_limited(impulse, dt, cutoff_Hz).signal()
+    length = next_fast_len(n + 2 * half, real=True)
+    return BandFilter(n, half, length, rfft(response, length))
 
 
 def _gain(frequency: Floats, cutoff_Hz: float) -> Floats:

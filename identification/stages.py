@@ -211,7 +211,7 @@ class Chain:
             step = 1e-4 * max(abs(self.values[name]), 1e-3)
             up = function({**self.values, name: self.values[name] + step})
             gradient[k] = (up - function({**self.values, name: self.values[name] - step})) / (2.0 * step)
-        return float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))
+        return float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
 
     @property
     def std_(self) -> dict[str, float]:

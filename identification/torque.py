@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import fftconvolve
 
 from identification.campaign import Run
 from identification.frf import Floats
@@ -28,6 +27,7 @@ from steer_env.plants.reference_row import KnownVehicle
 
 SETTLE_S = 1.0  # left out at the start (unknown friction state) and the end of a record
 UPSAMPLING = 5  # steps per sample for friction, whose turning points fall between samples
+THIN = 2  # 50 Hz hold all of an error that is limited to 25 Hz
 BLOCK_S = 1.0  # errors are taken as independent between blocks of this length, not within
 NEEDS = ("pinion_angle_rad", "torsion_bar_torque_Nm")
 VEHICLE_PARAMETERS = ("C_f", "C_r", "n_t", "sigma_f", "sigma_r", "J_z", "delay_imu")
@@ -84,7 +84,7 @@ class TorqueMisfit:
         self._signals = [
             {n: band_limited(run.channels[n], run.dt) for n in names if n in run.channels} for run in self.runs
         ]
-        self._filters = [band_filter(run.dt) for run in self.runs]
+        self._filters = [band_filter(run.channels[NEEDS[0]].size, run.dt) for run in self.runs]
 
     def uses(self, name: str) -> bool:
         """A measured rack force leaves the vehicle's parameters out of it."""
@@ -92,11 +92,11 @@ class TorqueMisfit:
         return name not in VEHICLE_PARAMETERS or modelled
 
     def residual(self, values: Values) -> Floats:
-        """[sum of kept samples] in N m: measured minus predicted, band-limited, without its mean."""
+        """[sum of kept samples] in N m: measured minus predicted, every THIN-th sample of the band-limited error."""
         parts = []
         for run, prepared, kernel in zip(self.runs, self.prepared(values), self._filters, strict=True):
             predicted = self.predict(prepared, friction_of(run, values))
-            error = fftconvolve(prepared.M_tb - predicted, kernel, mode="same")[prepared.keep]
+            error = kernel(prepared.M_tb - predicted)[prepared.keep][::THIN]
             parts.append((error - error.mean()) * self.weights.get(run.manoeuvre, 1.0))
         return np.concatenate(parts)
 
@@ -123,7 +123,7 @@ class TorqueMisfit:
 
     def sizes(self, values: Values) -> list[int]:
         """Kept samples of each run."""
-        return [p.M_tb[p.keep].size for p in self.prepared(values)]
+        return [p.M_tb[p.keep][::THIN].size for p in self.prepared(values)]
 
     def prepared(self, values: Values) -> list[Prepared]:
         """The runs shifted by the lags in ``values`` and with their rack torque; kept until those change."""
@@ -183,7 +183,7 @@ def block_scores(error: Floats, jacobian: Floats, sizes: Sequence[int], runs: Se
     found: Scores = {}
     first = 0
     for run, size in zip(runs, sizes, strict=True):
-        length = max(1, round(BLOCK_S / run.dt))
+        length = max(1, round(BLOCK_S / run.dt / THIN))
         for start in range(first, first + size, length):
             part = slice(start, min(start + length, first + size))
             key = (speed, "block", run.manoeuvre, start - first)
