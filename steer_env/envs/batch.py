@@ -28,9 +28,7 @@ def new_rows(n: int) -> tuple[Array, Array, Array]:
     )
 
 
-def start_batch(
-    parameters: Array, states: Array, lines: Array, table: Array, car_table: Array
-) -> None:
+def start_batch(parameters: Array, states: Array, lines: Array, table: Array, car_table: Array) -> None:
     """Bring rows to rest at the start of an episode; called once each, so it stays plain Python."""
     for i in range(parameters.shape[0]):
         states[i, :] = 0.0

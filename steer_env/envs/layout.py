@@ -27,13 +27,9 @@ class Episode(NamedTuple):
     kind: Annotated[float, Quantity("-", "number of the manoeuvre", 0, 1000, "MANOEUVRES")] = 0.0
     speed: Annotated[float, Quantity("m/s", "speed at the start", 0.5, 120.0, "-")] = 75.0 / 3.6
     speed_rate: Annotated[float, Quantity("m/s2", "change of speed", -10.0, 10.0, "-")] = 0.0
-    speed_end: Annotated[
-        float, Quantity("m/s", "speed at which the change stops", 0.5, 120.0, "-")
-    ] = 75.0 / 3.6
+    speed_end: Annotated[float, Quantity("m/s", "speed at which the change stops", 0.5, 120.0, "-")] = 75.0 / 3.6
     admittance: Annotated[float, Quantity("-", "1 admittance, 0 impedance", 0, 1, "-")] = 0.0
-    rack_share: Annotated[
-        float, Quantity("-", "share of the rack torque felt by the lower body", 0, 1, "-")
-    ] = 1.0
+    rack_share: Annotated[float, Quantity("-", "share of the rack torque felt by the lower body", 0, 1, "-")] = 1.0
 
 
 class CarSpread(NamedTuple):
@@ -47,18 +43,12 @@ class CarSpread(NamedTuple):
 class Reward(NamedTuple):
     """Scales and weights of the reward's parts; see ``period.py``."""
 
-    torque_scale: Annotated[
-        float, Quantity("N m", "torque error that costs 1", 1e-3, 100.0, "assumption")
-    ] = 0.5
-    angle_scale: Annotated[
-        float, Quantity("rad", "angle error that costs 1", 1e-5, 10.0, "assumption: 1 deg")
-    ] = 0.01745
-    smoothness: Annotated[
-        float, Quantity("-", "weight of the squared command change", 0.0, 1e6, "assumption")
-    ] = 10.0
-    effort: Annotated[
-        float, Quantity("-", "weight of the squared command", 0.0, 1e3, "assumption")
-    ] = 0.01
+    torque_scale: Annotated[float, Quantity("N m", "torque error that costs 1", 1e-3, 100.0, "assumption")] = 0.5
+    angle_scale: Annotated[float, Quantity("rad", "angle error that costs 1", 1e-5, 10.0, "assumption: 1 deg")] = (
+        0.01745
+    )
+    smoothness: Annotated[float, Quantity("-", "weight of the squared command change", 0.0, 1e6, "assumption")] = 10.0
+    effort: Annotated[float, Quantity("-", "weight of the squared command", 0.0, 1e3, "assumption")] = 0.01
 
 
 class Clock(NamedTuple):

@@ -137,18 +137,14 @@ def control_period(
     decay = lag_decay(motor.bandwidth_Hz, 0.5 * h)
     x = _load_plant(s_row)
     for _ in range(SUBSTEPS):
-        x = plant.plant_step(
-            x, target, decay, hand, speed, episode.rack_share, steering, driver, car, h
-        )
+        x = plant.plant_step(x, target, decay, hand, speed, episode.rack_share, steering, driver, car, h)
     _store_plant(s_row, x)
 
     q = plant.motion_of(x)
     M_tb = torsion_bar_torque(q, steering)
     ideal, error, cost = _judge(x, q, M_tb, hand, speed, p_row, s_row, reference, car)
 
-    lines[1, k & 15] = measured(
-        x.pinion_angle, sensors.angle_step, sensors.angle_noise, noise_angle
-    )
+    lines[1, k & 15] = measured(x.pinion_angle, sensors.angle_step, sensors.angle_noise, noise_angle)
     lines[2, k & 15] = measured(M_tb, sensors.torque_step, sensors.torque_noise, noise_torque)
     lines[3, k & 15] = x.motor_torque
     sensed_at = (k - int(sensors.angle_delay)) & 15
@@ -176,19 +172,13 @@ def control_period(
     change = (limited - commands.last_2) / motor.rated_torque
     share = limited / motor.rated_torque
     track = plant.track_of(x)
-    unstable = (
-        abs(x.steering_rate) > RATE_LIMIT
-        or abs(x.pinion_rate) > RATE_LIMIT
-        or abs(M_tb) > TORQUE_LIMIT
-    )
+    unstable = abs(x.steering_rate) > RATE_LIMIT or abs(x.pinion_rate) > RATE_LIMIT or abs(M_tb) > TORQUE_LIMIT
     truth = Truth(
         (k + 1) * PERIOD,
         speed,
         x.steering_angle,
         x.steering_rate,
-        driver_torque(
-            x.steering_angle, x.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver
-        ),
+        driver_torque(x.steering_angle, x.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver),
         x.pinion_angle,
         x.pinion_rate,
         M_tb,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -59,16 +60,12 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(
-                f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}"
-            )
+            raise ValueError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
         self.task = Task().changed(options)
         n = len(Observation._fields)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self.observation_space = gymnasium.spaces.Box(
-            -OBSERVATION_LIMIT, OBSERVATION_LIMIT, (n,), np.float32
-        )
+        self.observation_space = gymnasium.spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, (n,), np.float32)
         self._rows = batch.new_rows(1)
         self._observation = np.zeros((1, n))
         self._scaled = np.zeros((1, n), np.float32)
@@ -87,8 +84,9 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @property
     def reference(self) -> Reference:
-        """The haptic reference; its ``to_statespace(speed)`` is Eq. 10 as a control.StateSpace."""
-        return self._setup.reference
+        """The haptic reference; its ``to_statespace()`` is Eq. 10 at the episode's first speed."""
+        speed = PARAMETERS.read(self._setup.row, "episode").speed
+        return replace(self._setup.reference, speed=speed)
 
     @property
     def motor(self) -> Motor:
@@ -129,17 +127,13 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._viewer.restart()
         return self._scaled[0].copy(), self._info(clipped=False, ended="")
 
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """One control period with a motor torque as a share of the rated torque."""
         if self._period < 0:
             raise RuntimeError("step before reset: call env.reset() first")
         share = float(np.asarray(action).reshape(-1)[0])
         if not math.isfinite(share):
-            raise ValueError(
-                f"action is {share}: give a finite share of the rated torque in [-1, 1]"
-            )
+            raise ValueError(f"action is {share}: give a finite share of the rated torque in [-1, 1]")
         clipped = share < -1.0 or share > 1.0
         self._command[0] = min(max(share, -1.0), 1.0) * self._rated_torque
         if self._next_noise == NOISE_BLOCK:

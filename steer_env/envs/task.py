@@ -34,8 +34,8 @@ RANDOM_ARMS = ("one_hand_light", "relaxed", "tense")
 class Task:
     """Everything that can be chosen at ``gymnasium.make`` or in ``reset(options=...)``.
 
-    reference: "published", a reference.json or a Reference; ``linear`` takes Eq. 10 instead of the
-        complete one.
+    reference: "published", a reference.json or a Reference; ``linear`` True takes Eq. 10, False
+        the complete one, None what the Reference itself says.
     car: whose vehicle loads the rack; None takes the one that the reference was identified on.
     speed_kmh: one number, or (start, end) for a speed that changes evenly over the episode.
     amplitude: hand angle in rad (N m for random_torque); None takes the paper's for the speed.
@@ -47,7 +47,7 @@ class Task:
     plant: str | Plant = "EPAS"
     causality: str = "impedance"
     reference: str | Path | Reference = "published"
-    linear: bool = False
+    linear: bool | None = None
     car: str | Path | Reference | None = None
     manoeuvre: str = "frequency_response"
     speed_kmh: float | tuple[float, float] = 75.0
@@ -63,9 +63,7 @@ class Task:
         known = [f.name for f in fields(self)]
         for name in options:
             if name not in known:
-                raise InputError(
-                    "options", f"there is no option {name!r}", f"use {_suggest(name, known)}"
-                )
+                raise InputError("options", f"there is no option {name!r}", f"use {_suggest(name, known)}")
         return replace(self, **options)
 
 
@@ -87,9 +85,7 @@ def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
     plant = _from_table(task.plant, PLANTS, Plant, "plant")
     driver = _from_table(task.driver, DRIVERS, Driver, "driver")
     if task.causality not in ("impedance", "admittance"):
-        raise InputError(
-            "causality", f"{task.causality!r} is not known", "use 'impedance' or 'admittance'"
-        )
+        raise InputError("causality", f"{task.causality!r} is not known", "use 'impedance' or 'admittance'")
     if task.manoeuvre not in MANOEUVRES:
         raise InputError(
             "manoeuvre",
@@ -112,12 +108,8 @@ def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
     if "plant" in chosen:
         _draw_plant(parts, plant, rng)
     if "car" in chosen:
-        parts["car_spread"] = CarSpread(
-            **{name: rng.uniform(*span) for name, span in CAR_FACTORS.items()}
-        )
-    parts["manoeuvre"] = _manoeuvre(
-        task, driver, speeds[0], reference, rng if "manoeuvre" in chosen else None
-    )
+        parts["car_spread"] = CarSpread(**{name: rng.uniform(*span) for name, span in CAR_FACTORS.items()})
+    parts["manoeuvre"] = _manoeuvre(task, driver, speeds[0], reference, rng if "manoeuvre" in chosen else None)
     length = parts["manoeuvre"].lead_in + parts["manoeuvre"].duration
     parts["episode"] = Episode(
         kind=float(kind_of(task.manoeuvre)),
@@ -135,9 +127,7 @@ def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
     return Setup(row, round(length / period), reference.table, car.table, reference, plant)
 
 
-def _manoeuvre(
-    task: Task, driver: Driver, speed: float, reference: Reference, rng: np.random.Generator | None
-) -> Any:
+def _manoeuvre(task: Task, driver: Driver, speed: float, reference: Reference, rng: np.random.Generator | None) -> Any:
     row = MANOEUVRES[task.manoeuvre]
     p = row.parameters
     amplitude = task.amplitude
@@ -148,11 +138,7 @@ def _manoeuvre(
                 f"a driver without stiffness cannot follow {task.manoeuvre}",
                 "use manoeuvre='random_torque'",
             )
-        wanted = (
-            paper_acceleration(speed)
-            if row.lateral_acceleration is None
-            else row.lateral_acceleration
-        )
+        wanted = paper_acceleration(speed) if row.lateral_acceleration is None else row.lateral_acceleration
         peak = p.frequency_end if task.manoeuvre == "frequency_response" else p.frequency
         at_speed = reference.at(speed)
         angle = steering_amplitude(wanted, speed, at_speed, peak)
@@ -161,9 +147,7 @@ def _manoeuvre(
     if task.duration is not None:
         p = p._replace(duration=float(task.duration))
     if rng is not None:
-        p = p._replace(
-            amplitude=p.amplitude * rng.uniform(0.5, 1.1), phase=rng.uniform(0.0, 1000.0)
-        )
+        p = p._replace(amplitude=p.amplitude * rng.uniform(0.5, 1.1), phase=rng.uniform(0.0, 1000.0))
     return p
 
 
@@ -178,9 +162,7 @@ def _speeds(
         start, end = (speed_kmh, speed_kmh) if isinstance(speed_kmh, (int, float)) else speed_kmh
         start, end = float(start), float(end)
     except (TypeError, ValueError) as wrong:
-        raise InputError(
-            "speed_kmh", f"{speed_kmh!r} is not a speed", "give km/h, or (start, end) in km/h"
-        ) from wrong
+        raise InputError("speed_kmh", f"{speed_kmh!r} is not a speed", "give km/h, or (start, end) in km/h") from wrong
     for value in (start, end):
         if not 2.0 <= value <= 400.0:
             raise InputError("speed_kmh", f"{value:g} km/h is out of range", "give 2 to 400 km/h")
@@ -193,9 +175,7 @@ def _randomised_names(randomise: str | Iterable[str]) -> tuple[str, ...]:
         return RANDOMISABLE
     for name in names:
         if name not in RANDOMISABLE:
-            raise InputError(
-                "randomise", f"{name!r} is not known", f"use 'all' or names out of {RANDOMISABLE}"
-            )
+            raise InputError("randomise", f"{name!r} is not known", f"use 'all' or names out of {RANDOMISABLE}")
     return names
 
 

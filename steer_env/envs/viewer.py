@@ -40,9 +40,7 @@ class Viewer:
 
     def restart(self) -> None:
         """Forget the traces: a new episode."""
-        self.points: deque[tuple[float, float, float, float, float]] = deque(
-            maxlen=int(WINDOW * 1000 / EVERY)
-        )
+        self.points: deque[tuple[float, float, float, float, float]] = deque(maxlen=int(WINDOW * 1000 / EVERY))
         self.count = 0
         self.latest: dict[str, Any] = {}
 
@@ -108,26 +106,18 @@ class Viewer:
             axes.set_ylim(-reach, reach)
 
     def _build(self) -> None:
-        grid = self.figure.add_gridspec(
-            3, 2, width_ratios=[1, 2], left=0.02, right=0.98, top=0.94, bottom=0.1
-        )
+        grid = self.figure.add_gridspec(3, 2, width_ratios=[1, 2], left=0.02, right=0.98, top=0.94, bottom=0.1)
         wheel = self.figure.add_subplot(grid[:, 0])
         wheel.set_aspect("equal")
         wheel.set_axis_off()
         wheel.set_xlim(-1.2, 1.2)
         wheel.set_ylim(-1.5, 1.2)
-        wheel.add_patch(
-            matplotlib.patches.Circle((0, 0), 1.0, fill=False, linewidth=9, color="#333333")
-        )
+        wheel.add_patch(matplotlib.patches.Circle((0, 0), 1.0, fill=False, linewidth=9, color="#333333"))
         wheel.add_patch(matplotlib.patches.Circle((0, 0), 0.22, color="#333333"))
-        self.spoke_shapes = [
-            np.array([[0.0, math.cos(a)], [0.0, math.sin(a)]]) for a in (0.0, math.pi, -math.pi / 2)
-        ]
+        self.spoke_shapes = [np.array([[0.0, math.cos(a)], [0.0, math.sin(a)]]) for a in (0.0, math.pi, -math.pi / 2)]
         self.spoke_shapes.append(np.array([[0.0, 0.0], [0.94, 1.06]]))
         colours = ["#333333"] * 3 + [IDEAL]
-        self.spokes = [
-            wheel.plot([], [], color=c, linewidth=7, solid_capstyle="butt")[0] for c in colours
-        ]
+        self.spokes = [wheel.plot([], [], color=c, linewidth=7, solid_capstyle="butt")[0] for c in colours]
         self.caption = wheel.text(0, -1.4, "", ha="center", fontsize=11)
         grid.update(hspace=0.3)
         self.axes = [self.figure.add_subplot(grid[k, 1]) for k in range(3)]
@@ -141,9 +131,7 @@ class Viewer:
             other: self.axes[1].plot([], [], color=TRUE)[0],
             "command": self.axes[2].plot([], [], color="#555555")[0],
         }
-        for axes, label in zip(
-            self.axes, (units[followed], units[other], "motor command / N m"), strict=True
-        ):
+        for axes, label in zip(self.axes, (units[followed], units[other], "motor command / N m"), strict=True):
             axes.set_title(label, fontsize=9, loc="left", pad=3)
             axes.tick_params(labelsize=8)
             axes.grid(alpha=0.3)

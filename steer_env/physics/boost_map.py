@@ -20,9 +20,7 @@ from steer_env.units import Quantity, from_kmh
 
 KNOT_STEP = 0.5  # N m between two knots of the boost table
 KNOTS = 25  # from 0 to 12 N m of torsion-bar torque; beyond the last knot the assist stays constant
-RATE_SMOOTHING = (
-    0.15  # rad/s at which friction compensation reaches 1/sqrt(2) of its level; assumption
-)
+RATE_SMOOTHING = 0.15  # rad/s at which friction compensation reaches 1/sqrt(2) of its level; assumption
 
 Knots = tuple[float, ...]
 
@@ -41,40 +39,24 @@ class Calibration(NamedTuple):
     off_centre_ratio: Knots = (0.14, 0.14, 0.13, 0.135, 0.16, 0.19, 0.22, 0.26, 0.30)
     active_damping: Knots = (0.0, 0.0, 0.1, 0.25, 0.4, 0.55, 0.65, 0.75, 0.85)
     friction_compensation: Knots = (0.5, 0.5, 0.45, 0.4, 0.33, 0.25, 0.17, 0.1, 0.0)
-    on_centre_width: Annotated[
-        float, Quantity("N m", "w of the boost law", 0.5, 5.0, "field value 1.8")
-    ] = 1.8
+    on_centre_width: Annotated[float, Quantity("N m", "w of the boost law", 0.5, 5.0, "field value 1.8")] = 1.8
 
 
 class ControlLaw(NamedTuple):
     """The calibration at one speed and what does not depend on speed; torques act at the pinion."""
 
     knots: Knots
-    active_damping: Annotated[
-        float, Quantity("N m s/rad", "added damping", -5.0, 20.0, "calibration")
-    ]
-    friction_compensation: Annotated[
-        float, Quantity("N m", "level of friction taken away", 0.0, 5.0, "calibration")
-    ]
-    inertia_compensation: Annotated[
-        float, Quantity("kg m2", "inertia taken away", 0.0, 0.1, "assumption")
-    ] = 0.012
-    rate_filter_Hz: Annotated[
-        float, Quantity("Hz", "rate and acceleration filters", 1.0, 400.0, "assumption")
-    ] = 80.0
+    active_damping: Annotated[float, Quantity("N m s/rad", "added damping", -5.0, 20.0, "calibration")]
+    friction_compensation: Annotated[float, Quantity("N m", "level of friction taken away", 0.0, 5.0, "calibration")]
+    inertia_compensation: Annotated[float, Quantity("kg m2", "inertia taken away", 0.0, 0.1, "assumption")] = 0.012
+    rate_filter_Hz: Annotated[float, Quantity("Hz", "rate and acceleration filters", 1.0, 400.0, "assumption")] = 80.0
     friction_filter_Hz: Annotated[
         float,
         Quantity("Hz", "rate filter before the sign, against hunting", 0.5, 400.0, "assumption"),
     ] = 4.0
-    lead_time: Annotated[
-        float, Quantity("s", "lead of the phase compensation", 0.0, 0.05, "assumption")
-    ] = 0.0042
-    lag_time: Annotated[
-        float, Quantity("s", "lag of the phase compensation", 1e-4, 0.05, "assumption")
-    ] = 0.0020
-    torque_limit: Annotated[float, Quantity("N m", "largest command", 1.0, 300.0, "assumption")] = (
-        90.0
-    )
+    lead_time: Annotated[float, Quantity("s", "lead of the phase compensation", 0.0, 0.05, "assumption")] = 0.0042
+    lag_time: Annotated[float, Quantity("s", "lag of the phase compensation", 1e-4, 0.05, "assumption")] = 0.0020
+    torque_limit: Annotated[float, Quantity("N m", "largest command", 1.0, 300.0, "assumption")] = 90.0
 
 
 class ControlState(NamedTuple):
@@ -131,9 +113,7 @@ def control_step(
     basic = boost_torque(led, law.knots)
     sign = slow_rate / math.sqrt(slow_rate * slow_rate + RATE_SMOOTHING * RATE_SMOOTHING)
     compensation = (
-        law.friction_compensation * sign
-        + law.inertia_compensation * acceleration
-        - law.active_damping * rate
+        law.friction_compensation * sign + law.inertia_compensation * acceleration - law.active_damping * rate
     )
     total = min(max(basic + compensation, -law.torque_limit), law.torque_limit)
     return basic, total - basic, ControlState(angle, rate, slow_rate, acceleration, slow_torque)
@@ -154,8 +134,7 @@ def boost_table(calibration: Calibration) -> tuple[Knots, ...]:
     """The stored table: one row of knots in N m per speed of the calibration."""
     width = calibration.on_centre_width
     return tuple(
-        tuple(smooth_boost(k * KNOT_STEP, r, width) for k in range(KNOTS))
-        for r in calibration.off_centre_ratio
+        tuple(smooth_boost(k * KNOT_STEP, r, width) for k in range(KNOTS)) for r in calibration.off_centre_ratio
     )
 
 

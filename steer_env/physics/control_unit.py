@@ -73,9 +73,7 @@ def control_unit_step(
         reference_acceleration, new = admittance_step(M_tb, generator, speed, reference, dt)
         target, rate, M_eff = new.pinion_angle, new.pinion_rate, new.effective_torque
     else:
-        target, M_eff, new = impedance_step(
-            seen.angle, seen.rate, acceleration, generator, speed, reference, dt
-        )
+        target, M_eff, new = impedance_step(seen.angle, seen.rate, acceleration, generator, speed, reference, dt)
         rate = (target - last_reference) / dt
         reference_acceleration = 0.0
     observation = Observation(

@@ -13,16 +13,10 @@ _ARM = "assumption: order of magnitude after Pick and Cole, field report 1.5"
 class Driver(NamedTuple):
     """Grip on the wheel; defaults are two relaxed hands."""
 
-    J: Annotated[float, Quantity("kg m2", "inertia that moves with the wheel", 0.0, 1.0, _ARM)] = (
-        0.1
-    )
+    J: Annotated[float, Quantity("kg m2", "inertia that moves with the wheel", 0.0, 1.0, _ARM)] = 0.1
     b: Annotated[float, Quantity("N m s/rad", "damping to the hand target", 0.0, 100.0, _ARM)] = 0.6
-    k: Annotated[float, Quantity("N m/rad", "stiffness to the hand target", 0.0, 5000.0, _ARM)] = (
-        7.0
-    )
-    torque_limit: Annotated[float, Quantity("N m", "largest torque", 0.0, 100.0, "assumption")] = (
-        30.0
-    )
+    k: Annotated[float, Quantity("N m/rad", "stiffness to the hand target", 0.0, 5000.0, _ARM)] = 7.0
+    torque_limit: Annotated[float, Quantity("N m", "largest torque", 0.0, 100.0, "assumption")] = 30.0
 
 
 class Hand(NamedTuple):

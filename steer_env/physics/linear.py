@@ -35,9 +35,7 @@ REFERENCE_STATES = (
 )
 
 
-def jacobian(
-    function: Callable[[NDArray[np.float64]], Sequence[float]], n: int, step: float = 1.0
-) -> Matrix:
+def jacobian(function: Callable[[NDArray[np.float64]], Sequence[float]], n: int, step: float = 1.0) -> Matrix:
     """Matrix of a linear map of n variables: central differences about zero with the given step."""
     columns = []
     for k in range(n):
@@ -69,9 +67,7 @@ def load_matrices(speed: float, p: ReferenceParameters) -> Matrices:
     """Eqs. 6 and 9: pinion angle in rad to load at the pinion, M_rack + c_extra d, in N m."""
 
     def rates(z: NDArray[np.float64]) -> Sequence[float]:
-        return vehicle.single_track_rates(
-            SingleTrackState(*z[:4]), z[4] / p.i_s, speed, single_track_of(p)
-        )
+        return vehicle.single_track_rates(SingleTrackState(*z[:4]), z[4] / p.i_s, speed, single_track_of(p))
 
     def outputs(z: NDArray[np.float64]) -> Sequence[float]:
         return (reference_load(z[4], SingleTrackState(*z[:4]), speed, p),)

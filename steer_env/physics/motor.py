@@ -12,18 +12,10 @@ from steer_env.units import Quantity
 class Motor(NamedTuple):
     """Defaults are an EPAS motor (torques at its own shaft)."""
 
-    rated_torque: Annotated[
-        float, Quantity("N m", "torque limit at the motor shaft", 0.01, 50.0, "assumption")
-    ] = 5.0
-    slew_rate: Annotated[
-        float, Quantity("N m/s", "fastest change of the command", 1.0, 1e6, "assumption")
-    ] = 1000.0
-    bandwidth_Hz: Annotated[
-        float, Quantity("Hz", "current loop, first order", 20.0, 5000.0, "assumption")
-    ] = 200.0
-    dead_time: Annotated[
-        float, Quantity("periods", "command delay in control periods", 0, 15, "assumption")
-    ] = 1.0
+    rated_torque: Annotated[float, Quantity("N m", "torque limit at the motor shaft", 0.01, 50.0, "assumption")] = 5.0
+    slew_rate: Annotated[float, Quantity("N m/s", "fastest change of the command", 1.0, 1e6, "assumption")] = 1000.0
+    bandwidth_Hz: Annotated[float, Quantity("Hz", "current loop, first order", 20.0, 5000.0, "assumption")] = 200.0
+    dead_time: Annotated[float, Quantity("periods", "command delay in control periods", 0, 15, "assumption")] = 1.0
 
 
 @scalar

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from steer_env.physics import vehicle
 from steer_env.physics._jit import scalar
 from steer_env.physics.driver import Driver, Hand, driver_torque
-from steer_env.physics.friction import dahl_step
+from steer_env.physics.friction import dahl_step, lugre_torque, stribeck_level
 from steer_env.physics.motor import lag_step
 from steer_env.physics.reference import ReferenceParameters, reference_load, single_track_of
 from steer_env.physics.steering import Steering, SteeringMotion, moved, steering_rates
@@ -57,6 +57,29 @@ def track_of(x: PlantState) -> SingleTrackState:
 
 
 @scalar
+def bristle_torque(torque: float, displacement: float, rate: float, p: Steering) -> float:
+    """Bristle torque of the lower body in N m after a displacement in rad, sliding at ``rate``.
+
+    Dahl (Eq. 15), or LuGre where the level at rest is higher: with z = M / c_fric LuGre's bristle obeys the same
+    equation with the level of the present rate in place of M_C.
+    """
+    level = p.M_fric
+    if p.M_fric_extra > 0.0:
+        level = stribeck_level(rate, p.M_fric, p.M_fric + p.M_fric_extra, p.stribeck_rate)
+    return dahl_step(torque, displacement, level, p.c_fric)
+
+
+@scalar
+def bristle_damping(torque: float, rate: float, p: Steering) -> float:
+    """LuGre's sigma_1 z' in N m at a bristle torque; zero with Dahl friction."""
+    if p.sigma_1 <= 0.0:
+        return 0.0
+    M_S = p.M_fric + p.M_fric_extra
+    both = lugre_torque(torque / p.c_fric, rate, p.M_fric, M_S, p.stribeck_rate, p.c_fric, p.sigma_1)
+    return both - torque
+
+
+@scalar
 def plant_rates(
     start: PlantState,
     q: SteeringMotion,
@@ -76,12 +99,10 @@ def plant_rates(
         steering.M_s_fric,
         steering.c_s_fric,
     )
-    pinion_friction = dahl_step(
-        start.pinion_friction, q.pinion_angle - start.pinion_angle, steering.M_fric, steering.c_fric
-    )
-    M_s = driver_torque(
-        q.steering_angle, q.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver
-    )
+    travel = q.pinion_angle - start.pinion_angle
+    held = bristle_torque(start.pinion_friction, travel, q.pinion_rate, steering)
+    pinion_friction = held + bristle_damping(held, q.pinion_rate, steering)
+    M_s = driver_torque(q.steering_angle, q.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver)
     M_rack = rack_share * reference_load(q.pinion_angle, v, speed, car)
     motion = steering_rates(
         q,
@@ -93,9 +114,7 @@ def plant_rates(
         driver.J * hand.grip,
         steering,
     )
-    track = vehicle.single_track_rates(
-        v, q.pinion_angle * (1.0 / car.i_s), speed, single_track_of(car)
-    )
+    track = vehicle.single_track_rates(v, q.pinion_angle * (1.0 / car.i_s), speed, single_track_of(car))
     return motion, track
 
 
@@ -160,16 +179,14 @@ def plant_step(
     steering_angle = q.steering_angle + rk4_mean(
         k0.steering_angle, k1.steering_angle, k2.steering_angle, k3.steering_angle, h
     )
-    pinion_angle = q.pinion_angle + rk4_mean(
-        k0.pinion_angle, k1.pinion_angle, k2.pinion_angle, k3.pinion_angle, h
-    )
+    pinion_angle = q.pinion_angle + rk4_mean(k0.pinion_angle, k1.pinion_angle, k2.pinion_angle, k3.pinion_angle, h)
+    pinion_rate = q.pinion_rate + rk4_mean(k0.pinion_rate, k1.pinion_rate, k2.pinion_rate, k3.pinion_rate, h)
     track = vehicle.moved_rk4(v, t0, t1, t2, t3, h)
     return PlantState(
         steering_angle,
-        q.steering_rate
-        + rk4_mean(k0.steering_rate, k1.steering_rate, k2.steering_rate, k3.steering_rate, h),
+        q.steering_rate + rk4_mean(k0.steering_rate, k1.steering_rate, k2.steering_rate, k3.steering_rate, h),
         pinion_angle,
-        q.pinion_rate + rk4_mean(k0.pinion_rate, k1.pinion_rate, k2.pinion_rate, k3.pinion_rate, h),
+        pinion_rate,
         track.lateral_speed,
         track.yaw_rate,
         track.slip_front,
@@ -180,8 +197,6 @@ def plant_step(
             steering.M_s_fric,
             steering.c_s_fric,
         ),
-        dahl_step(
-            x.pinion_friction, pinion_angle - x.pinion_angle, steering.M_fric, steering.c_fric
-        ),
+        bristle_torque(x.pinion_friction, pinion_angle - x.pinion_angle, pinion_rate, steering),
         M2,
     )

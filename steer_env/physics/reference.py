@@ -27,50 +27,26 @@ class ReferenceParameters(NamedTuple):
     J_ref: Annotated[float, Quantity("kg m2", "reference inertia", 1e-3, 1.0, _T2)] = 0.0613
     b_ref: Annotated[float, Quantity("N m s/rad", "reference damping", -5.0, 20.0, _T2)] = 1.006
     k_gain: Annotated[float, Quantity("-", "linearised basic assist", 0.0, 60.0, _T2)] = 2.647
-    M_fric_C: Annotated[
-        float, Quantity("N m", "Coulomb friction at the pinion", 0.0, 20.0, _T3)
-    ] = 2.494
+    M_fric_C: Annotated[float, Quantity("N m", "Coulomb friction at the pinion", 0.0, 20.0, _T3)] = 2.494
     c_fric: Annotated[float, Quantity("N m/rad", "Dahl stiffness", 1.0, 1e5, "assumption")] = 200.0
     r: Annotated[float, Quantity("-", "c_pin_off / c_pin_on", 0.0, 1.0, _T3)] = 6.979 / 35.482
-    sigma: Annotated[
-        float, Quantity("N m", "width of the on-centre region", 0.1, 20.0, "assumption")
-    ] = 1.8
+    sigma: Annotated[float, Quantity("N m", "width of the on-centre region", 0.1, 20.0, "assumption")] = 1.8
     c_extra: Annotated[
         float,
-        Quantity(
-            "N m/rad", "pinion stiffness beyond the single track's", -50.0, 50.0, "assumption: none"
-        ),
+        Quantity("N m/rad", "pinion stiffness beyond the single track's", -50.0, 50.0, "assumption: none"),
     ] = 0.0
-    relaxed: Annotated[
-        float, Quantity("-", "1: M_rack from relaxed slip, 0: kinematic (Eq. 10)", 0, 1, "Eq. 10")
-    ] = 0.0
-    linear: Annotated[
-        float, Quantity("-", "1: K = 1 + k_gain and no friction, 0: Eqs. 14-15", 0, 1, "Fig. 9")
-    ] = 0.0
+    relaxed: Annotated[float, Quantity("-", "1: M_rack from relaxed slip, 0: kinematic (Eq. 10)", 0, 1, "Eq. 10")] = 0.0
+    linear: Annotated[float, Quantity("-", "1: K = 1 + k_gain and no friction, 0: Eqs. 14-15", 0, 1, "Fig. 9")] = 0.0
     m: Annotated[float, Quantity("kg", "vehicle mass", 500.0, 10000.0, "set R")] = SingleTrack().m
-    l_f: Annotated[float, Quantity("m", "centre of gravity to front axle", 0.3, 5.0, "set R")] = (
-        SingleTrack().l_f
-    )
-    l_r: Annotated[float, Quantity("m", "centre of gravity to rear axle", 0.3, 5.0, "set R")] = (
-        SingleTrack().l_r
-    )
+    l_f: Annotated[float, Quantity("m", "centre of gravity to front axle", 0.3, 5.0, "set R")] = SingleTrack().l_f
+    l_r: Annotated[float, Quantity("m", "centre of gravity to rear axle", 0.3, 5.0, "set R")] = SingleTrack().l_r
     J_z: Annotated[float, Quantity("kg m2", "yaw inertia", 300.0, 60000.0, _T2)] = SingleTrack().J_z
-    C_f: Annotated[float, Quantity("N/rad", "front axle cornering stiffness", 1e4, 1e6, _T2)] = (
-        SingleTrack().C_f
-    )
-    C_r: Annotated[float, Quantity("N/rad", "rear axle cornering stiffness", 1e4, 1e6, _T2)] = (
-        SingleTrack().C_r
-    )
-    sigma_f: Annotated[float, Quantity("m", "front relaxation length", 0.005, 3.0, _T2)] = (
-        SingleTrack().sigma_f
-    )
-    sigma_r: Annotated[float, Quantity("m", "rear relaxation length", 0.005, 3.0, _T2)] = (
-        SingleTrack().sigma_r
-    )
+    C_f: Annotated[float, Quantity("N/rad", "front axle cornering stiffness", 1e4, 1e6, _T2)] = SingleTrack().C_f
+    C_r: Annotated[float, Quantity("N/rad", "rear axle cornering stiffness", 1e4, 1e6, _T2)] = SingleTrack().C_r
+    sigma_f: Annotated[float, Quantity("m", "front relaxation length", 0.005, 3.0, _T2)] = SingleTrack().sigma_f
+    sigma_r: Annotated[float, Quantity("m", "rear relaxation length", 0.005, 3.0, _T2)] = SingleTrack().sigma_r
     n_t: Annotated[float, Quantity("m", "steering trail", 0.0, 0.5, _T2)] = SingleTrack().n_t
-    i_s: Annotated[float, Quantity("-", "pinion angle / road-wheel angle", 5.0, 30.0, "set R")] = (
-        SingleTrack().i_s
-    )
+    i_s: Annotated[float, Quantity("-", "pinion angle / road-wheel angle", 5.0, 30.0, "set R")] = SingleTrack().i_s
 
 
 class ReferenceState(NamedTuple):
@@ -93,9 +69,7 @@ def single_track_of(p: ReferenceParameters) -> SingleTrack:
 
 
 @scalar
-def reference_load(
-    angle: float, x: SingleTrackState, speed: float, p: ReferenceParameters
-) -> float:
+def reference_load(angle: float, x: SingleTrackState, speed: float, p: ReferenceParameters) -> float:
     """M_rack + c_extra d in N m; slip kinematic (row 2 of Eq. 10) or relaxed (Eq. 9)."""
     track = single_track_of(p)
     kinematic = vehicle.kinematic_front_slip(x, angle * (1.0 / p.i_s), speed, track)
@@ -114,12 +88,8 @@ def reference_rates(
     p: ReferenceParameters,
 ) -> tuple[float, SingleTrackState]:
     """Pinion acceleration in rad/s2 (Eq. 4) and the single track's derivatives (Eq. 6)."""
-    acceleration = (M_eff - M_fric - reference_load(angle, x, speed, p) - p.b_ref * rate) * (
-        1.0 / p.J_ref
-    )
-    return acceleration, vehicle.single_track_rates(
-        x, angle * (1.0 / p.i_s), speed, single_track_of(p)
-    )
+    acceleration = (M_eff - M_fric - reference_load(angle, x, speed, p) - p.b_ref * rate) * (1.0 / p.J_ref)
+    return acceleration, vehicle.single_track_rates(x, angle * (1.0 / p.i_s), speed, single_track_of(p))
 
 
 @scalar
@@ -155,9 +125,7 @@ def impedance_step(
     """
     track = _advance_track(x, angle, speed, p, dt)
     friction = _friction_at(x, angle, p)
-    M_eff = (
-        p.J_ref * acceleration + p.b_ref * rate + reference_load(angle, track, speed, p) + friction
-    )
+    M_eff = p.J_ref * acceleration + p.b_ref * rate + reference_load(angle, track, speed, p) + friction
     M_tb = torsion_bar_torque_for(M_eff, p)
     new = ReferenceState(
         angle,
@@ -186,9 +154,7 @@ def admittance_step(
     half = _admittance_substep(x, x.effective_torque, middle, speed, p, 0.5 * dt)
     new = _admittance_substep(half, middle, M_eff, speed, p, 0.5 * dt)
     track = SingleTrackState(new.lateral_speed, new.yaw_rate, new.slip_front, new.slip_rear)
-    acceleration, _ = reference_rates(
-        new.pinion_angle, new.pinion_rate, track, M_eff, new.friction, speed, p
-    )
+    acceleration, _ = reference_rates(new.pinion_angle, new.pinion_rate, track, M_eff, new.friction, speed, p)
     return acceleration, new
 
 
@@ -207,12 +173,8 @@ def _advance_track(
     a0 = x.pinion_angle * (1.0 / p.i_s)
     a2 = angle * (1.0 / p.i_s)
     a1 = 0.5 * (a0 + a2)
-    half = vehicle.single_track_step(
-        track, a0, 0.5 * (a0 + a1), a1, speed, single_track_of(p), 0.5 * dt
-    )
-    return vehicle.single_track_step(
-        half, a1, 0.5 * (a1 + a2), a2, speed, single_track_of(p), 0.5 * dt
-    )
+    half = vehicle.single_track_step(track, a0, 0.5 * (a0 + a1), a1, speed, single_track_of(p), 0.5 * dt)
+    return vehicle.single_track_step(half, a1, 0.5 * (a1 + a2), a2, speed, single_track_of(p), 0.5 * dt)
 
 
 @scalar
@@ -239,19 +201,13 @@ def _admittance_substep(
     q0, w0 = x.pinion_angle, x.pinion_rate
     a0, v0 = _admittance_slope(x, q0, w0, track, M0, speed, p)
     w1 = w0 + 0.5 * h * a0
-    a1, v1 = _admittance_slope(
-        x, q0 + 0.5 * h * w0, w1, vehicle.moved(track, 0.5 * h, v0), M1, speed, p
-    )
+    a1, v1 = _admittance_slope(x, q0 + 0.5 * h * w0, w1, vehicle.moved(track, 0.5 * h, v0), M1, speed, p)
     w2 = w0 + 0.5 * h * a1
-    a2, v2 = _admittance_slope(
-        x, q0 + 0.5 * h * w1, w2, vehicle.moved(track, 0.5 * h, v1), M1, speed, p
-    )
+    a2, v2 = _admittance_slope(x, q0 + 0.5 * h * w1, w2, vehicle.moved(track, 0.5 * h, v1), M1, speed, p)
     w3 = w0 + h * a2
     a3, v3 = _admittance_slope(x, q0 + h * w2, w3, vehicle.moved(track, h, v2), M2, speed, p)
     angle = q0 + vehicle.rk4_mean(w0, w1, w2, w3, h)
     rate = w0 + vehicle.rk4_mean(a0, a1, a2, a3, h)
     t = vehicle.moved_rk4(track, v0, v1, v2, v3, h)
     friction = _friction_at(x, angle, p)
-    return ReferenceState(
-        angle, rate, t.lateral_speed, t.yaw_rate, t.slip_front, t.slip_rear, friction, M2
-    )
+    return ReferenceState(angle, rate, t.lateral_speed, t.yaw_rate, t.slip_front, t.slip_rear, friction, M2)

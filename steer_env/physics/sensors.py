@@ -12,39 +12,23 @@ from steer_env.units import Quantity
 class Sensors(NamedTuple):
     """What the control unit measures with; delays count periods. Defaults: the paper's rig."""
 
-    angle_step: Annotated[
-        float, Quantity("rad", "angle resolution", 0.0, 0.1, "paper, section 2: 0.009 deg")
-    ] = 1.5708e-4
-    angle_noise: Annotated[float, Quantity("rad", "angle noise, rms", 0.0, 0.1, "assumption")] = 0.0
-    angle_delay: Annotated[
-        float, Quantity("periods", "angle latency", 0, 15, "assumption: one CAN cycle")
-    ] = 1.0
-    torque_step: Annotated[
-        float, Quantity("N m", "torque resolution", 0.0, 1.0, "paper, section 2: 0.03 N m")
-    ] = 0.03
-    torque_noise: Annotated[float, Quantity("N m", "torque noise, rms", 0.0, 1.0, "assumption")] = (
-        0.01
+    angle_step: Annotated[float, Quantity("rad", "angle resolution", 0.0, 0.1, "paper, section 2: 0.009 deg")] = (
+        1.5708e-4
     )
-    torque_delay: Annotated[
-        float, Quantity("periods", "torque latency", 0, 15, "assumption: one CAN cycle")
-    ] = 1.0
+    angle_noise: Annotated[float, Quantity("rad", "angle noise, rms", 0.0, 0.1, "assumption")] = 0.0
+    angle_delay: Annotated[float, Quantity("periods", "angle latency", 0, 15, "assumption: one CAN cycle")] = 1.0
+    torque_step: Annotated[float, Quantity("N m", "torque resolution", 0.0, 1.0, "paper, section 2: 0.03 N m")] = 0.03
+    torque_noise: Annotated[float, Quantity("N m", "torque noise, rms", 0.0, 1.0, "assumption")] = 0.01
+    torque_delay: Annotated[float, Quantity("periods", "torque latency", 0, 15, "assumption: one CAN cycle")] = 1.0
 
 
 class Observer(NamedTuple):
     """What the control unit believes of its own hardware, and how fast its observer is."""
 
-    J: Annotated[
-        float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, "the plant's nominal value")
-    ] = 0.065
-    b: Annotated[
-        float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, "the plant's nominal value")
-    ] = 0.4
-    motor_ratio: Annotated[
-        float, Quantity("-", "motor ratio", 0.1, 100.0, "the plant's nominal value")
-    ] = 21.0
-    bandwidth_Hz: Annotated[
-        float, Quantity("Hz", "observer bandwidth", 1.0, 300.0, "assumption")
-    ] = 40.0
+    J: Annotated[float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, "the plant's nominal value")] = 0.065
+    b: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, "the plant's nominal value")] = 0.4
+    motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, "the plant's nominal value")] = 21.0
+    bandwidth_Hz: Annotated[float, Quantity("Hz", "observer bandwidth", 1.0, 300.0, "assumption")] = 40.0
 
 
 class ObserverState(NamedTuple):

@@ -16,48 +16,28 @@ from steer_env.units import Quantity
 class Steering(NamedTuple):
     """Mechanical parameters; defaults are an EPAS of a passenger car."""
 
-    J_s: Annotated[
-        float, Quantity("kg m2", "steering-wheel inertia", 0.01, 0.3, "median of public EPS models")
-    ] = 0.04
-    b_s: Annotated[
-        float, Quantity("N m s/rad", "wheel-side damping", 0.0, 3.0, "median of public EPS models")
+    J_s: Annotated[float, Quantity("kg m2", "steering-wheel inertia", 0.01, 0.3, "median of public EPS models")] = 0.04
+    b_s: Annotated[float, Quantity("N m s/rad", "wheel-side damping", 0.0, 3.0, "median of public EPS models")] = 0.1
+    M_s_fric: Annotated[float, Quantity("N m", "wheel-side Coulomb friction", 0.0, 3.0, "assumption")] = 0.15
+    c_s_fric: Annotated[float, Quantity("N m/rad", "wheel-side Dahl stiffness", 0.1, 1e4, "assumption")] = 30.0
+    c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, "systune EPS example")] = 143.24
+    b_tb: Annotated[float, Quantity("N m s/rad", "torsion-bar damping", 0.0, 20.0, "bldc-foc-sim EPS model")] = 0.1
+    J_pin: Annotated[float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, "rotor 1.5e-4 kg m2 x 21^2")] = 0.065
+    b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, "assumption")] = 0.4
+    M_fric: Annotated[float, Quantity("N m", "lower-body Coulomb friction", 0.0, 20.0, "assumption")] = 2.0
+    c_fric: Annotated[float, Quantity("N m/rad", "lower-body Dahl stiffness", 0.1, 1e5, "assumption")] = 200.0
+    motor_ratio: Annotated[float, Quantity("-", "motor angle / lower-body angle", 0.1, 100.0, "assumption")] = 21.0
+    angle_limit: Annotated[float, Quantity("rad", "end stop of the lower body", 0.1, 30.0, "assumption")] = 9.0
+    c_stop: Annotated[float, Quantity("N m/rad", "end-stop stiffness", 0.0, 1e4, "assumption")] = 400.0
+    b_stop: Annotated[float, Quantity("N m s/rad", "end-stop damping", 0.0, 100.0, "assumption")] = 4.0
+    # LuGre instead of Dahl friction on the lower body, where one of the first two is not zero.
+    M_fric_extra: Annotated[
+        float, Quantity("N m", "friction level at rest beyond M_fric", 0.0, 20.0, "assumption: Dahl")
+    ] = 0.0
+    sigma_1: Annotated[float, Quantity("N m s/rad", "bristle damping", 0.0, 20.0, "assumption: Dahl")] = 0.0
+    stribeck_rate: Annotated[
+        float, Quantity("rad/s", "rate at which the extra level has fallen to 1/e", 1e-3, 10.0, "assumption")
     ] = 0.1
-    M_s_fric: Annotated[
-        float, Quantity("N m", "wheel-side Coulomb friction", 0.0, 3.0, "assumption")
-    ] = 0.15
-    c_s_fric: Annotated[
-        float, Quantity("N m/rad", "wheel-side Dahl stiffness", 0.1, 1e4, "assumption")
-    ] = 30.0
-    c_tb: Annotated[
-        float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, "systune EPS example")
-    ] = 143.24
-    b_tb: Annotated[
-        float, Quantity("N m s/rad", "torsion-bar damping", 0.0, 20.0, "bldc-foc-sim EPS model")
-    ] = 0.1
-    J_pin: Annotated[
-        float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, "rotor 1.5e-4 kg m2 x 21^2")
-    ] = 0.065
-    b_pin: Annotated[
-        float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, "assumption")
-    ] = 0.4
-    M_fric: Annotated[
-        float, Quantity("N m", "lower-body Coulomb friction", 0.0, 20.0, "assumption")
-    ] = 2.0
-    c_fric: Annotated[
-        float, Quantity("N m/rad", "lower-body Dahl stiffness", 0.1, 1e5, "assumption")
-    ] = 200.0
-    motor_ratio: Annotated[
-        float, Quantity("-", "motor angle / lower-body angle", 0.1, 100.0, "assumption")
-    ] = 21.0
-    angle_limit: Annotated[
-        float, Quantity("rad", "end stop of the lower body", 0.1, 30.0, "assumption")
-    ] = 9.0
-    c_stop: Annotated[float, Quantity("N m/rad", "end-stop stiffness", 0.0, 1e4, "assumption")] = (
-        400.0
-    )
-    b_stop: Annotated[
-        float, Quantity("N m s/rad", "end-stop damping", 0.0, 100.0, "assumption")
-    ] = 4.0
 
 
 class SteeringMotion(NamedTuple):

@@ -124,9 +124,7 @@ def slip_rate(slip: float, steer: float, across: float, along: float, relaxation
 
 
 @scalar
-def body_rates(
-    x: TwoTrackState, c: Contact, disturbance: float, p: TwoTrack
-) -> tuple[float, float, float, float]:
+def body_rates(x: TwoTrackState, c: Contact, disturbance: float, p: TwoTrack) -> tuple[float, float, float, float]:
     """Return lateral acceleration of roll axis and mass centre (m/s2), yaw and roll acceleration.
 
     ``disturbance``: side wind in N at the mass centre.
@@ -136,20 +134,13 @@ def body_rates(
     lateral_r = (c.force_rl + c.force_rr) * math.cos(c.steer_r)
     along = c.force_fl * math.sin(c.steer_fl) - c.force_fr * math.sin(c.steer_fr)
     along_r = (c.force_rl - c.force_rr) * math.sin(c.steer_r)
-    aligning = (
-        c.force_fl * c.trail_fl
-        + c.force_fr * c.trail_fr
-        + c.force_rl * c.trail_rl
-        + c.force_rr * c.trail_rr
-    )
+    aligning = c.force_fl * c.trail_fl + c.force_fr * c.trail_fr + c.force_rl * c.trail_rl + c.force_rr * c.trail_rr
     moment = p.l_f * (lateral_fl + lateral_fr) - p.l_r * lateral_r - aligning
     moment += _HALF * (p.track_f * along + p.track_r * along_r)
     force = lateral_fl + lateral_fr + lateral_r + disturbance
     coupling = p.m_s * p.roll_arm
     inertia = p.J_x + coupling * p.roll_arm
-    spring = (coupling * GRAVITY - p.c_roll_f - p.c_roll_r) * x.roll - (
-        p.b_roll_f + p.b_roll_r
-    ) * x.roll_rate
+    spring = (coupling * GRAVITY - p.c_roll_f - p.c_roll_r) * x.roll - (p.b_roll_f + p.b_roll_r) * x.roll_rate
     inverse = 1.0 / (p.m * inertia - coupling * coupling)
     axis = (inertia * force + coupling * spring) * inverse
     return axis, force / p.m, moment / p.J_z, (p.m * spring + coupling * force) * inverse

@@ -28,31 +28,17 @@ class Tyre(NamedTuple):
     load_of_max: Annotated[
         float, Quantity("N", "load of the best cornering stiffness, c_2", 1e3, 3e4, "assumption")
     ] = 7500.0
-    friction: Annotated[
-        float, Quantity("-", "peak friction at the nominal load", 0.1, 2.0, "assumption: dry")
-    ] = 1.05
+    friction: Annotated[float, Quantity("-", "peak friction at the nominal load", 0.1, 2.0, "assumption: dry")] = 1.05
     load_loss: Annotated[
         float,
-        Quantity(
-            "-", "relative loss of friction per nominal load of extra load", 0.0, 0.5, "assumption"
-        ),
+        Quantity("-", "relative loss of friction per nominal load of extra load", 0.0, 0.5, "assumption"),
     ] = 0.08
     load_nominal: Annotated[float, Quantity("N", "nominal load", 500.0, 2e4, "assumption")] = 4000.0
-    shape: Annotated[
-        float, Quantity("-", "shape factor C of the side force", 1.0, 2.0, "Pacejka: about 1.3")
-    ] = 1.3
-    curvature: Annotated[
-        float, Quantity("-", "curvature factor E of the side force", -10.0, 1.0, "assumption")
-    ] = -1.5
-    trail: Annotated[
-        float, Quantity("m", "pneumatic trail at nominal load, no slip", 0.0, 0.1, "assumption")
-    ] = 0.042
-    trail_shape: Annotated[
-        float, Quantity("-", "shape factor C_t of the trail", 0.5, 2.0, "assumption")
-    ] = 1.1
-    trail_slope: Annotated[
-        float, Quantity("-", "slope factor B_t of the trail", 0.0, 40.0, "assumption")
-    ] = 9.0
+    shape: Annotated[float, Quantity("-", "shape factor C of the side force", 1.0, 2.0, "Pacejka: about 1.3")] = 1.3
+    curvature: Annotated[float, Quantity("-", "curvature factor E of the side force", -10.0, 1.0, "assumption")] = -1.5
+    trail: Annotated[float, Quantity("m", "pneumatic trail at nominal load, no slip", 0.0, 0.1, "assumption")] = 0.042
+    trail_shape: Annotated[float, Quantity("-", "shape factor C_t of the trail", 0.5, 2.0, "assumption")] = 1.1
+    trail_slope: Annotated[float, Quantity("-", "slope factor B_t of the trail", 0.0, 40.0, "assumption")] = 9.0
     relaxation: Annotated[
         float, Quantity("m", "relaxation length", 0.01, 2.0, "assumption: a tyre radius and more")
     ] = 0.45
@@ -83,9 +69,4 @@ def side_force(slip: float, load: float, p: Tyre) -> float:
 @scalar
 def pneumatic_trail(slip: float, load: float, p: Tyre) -> float:
     """Distance in m from contact centre back to the side force: less with slip, more with load."""
-    return (
-        p.trail
-        * max(load, 0.0)
-        / p.load_nominal
-        * math.cos(p.trail_shape * math.atan(p.trail_slope * slip))
-    )
+    return p.trail * max(load, 0.0) / p.load_nominal * math.cos(p.trail_shape * math.atan(p.trail_slope * slip))

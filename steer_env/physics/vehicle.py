@@ -16,21 +16,11 @@ class SingleTrack(NamedTuple):
     m: Annotated[float, Quantity("kg", "vehicle mass", 500.0, 10000.0, _R)] = 1784.0
     l_f: Annotated[float, Quantity("m", "centre of gravity to front axle", 0.3, 5.0, _R)] = 1.274
     l_r: Annotated[float, Quantity("m", "centre of gravity to rear axle", 0.3, 5.0, _R)] = 1.502
-    J_z: Annotated[float, Quantity("kg m2", "yaw inertia", 300.0, 60000.0, "Table 2, 75 km/h")] = (
-        3299.0
-    )
-    C_f: Annotated[
-        float, Quantity("N/rad", "front axle cornering stiffness", 1e4, 1e6, "Table 2, 75 km/h")
-    ] = 138080.0
-    C_r: Annotated[
-        float, Quantity("N/rad", "rear axle cornering stiffness", 1e4, 1e6, "Table 2, 75 km/h")
-    ] = 159010.0
-    sigma_f: Annotated[
-        float, Quantity("m", "front relaxation length", 0.005, 3.0, "Table 2, 75 km/h")
-    ] = 0.0313
-    sigma_r: Annotated[
-        float, Quantity("m", "rear relaxation length", 0.005, 3.0, "Table 2, 75 km/h")
-    ] = 0.3666
+    J_z: Annotated[float, Quantity("kg m2", "yaw inertia", 300.0, 60000.0, "Table 2, 75 km/h")] = 3299.0
+    C_f: Annotated[float, Quantity("N/rad", "front axle cornering stiffness", 1e4, 1e6, "Table 2, 75 km/h")] = 138080.0
+    C_r: Annotated[float, Quantity("N/rad", "rear axle cornering stiffness", 1e4, 1e6, "Table 2, 75 km/h")] = 159010.0
+    sigma_f: Annotated[float, Quantity("m", "front relaxation length", 0.005, 3.0, "Table 2, 75 km/h")] = 0.0313
+    sigma_r: Annotated[float, Quantity("m", "rear relaxation length", 0.005, 3.0, "Table 2, 75 km/h")] = 0.3666
     n_t: Annotated[float, Quantity("m", "steering trail", 0.0, 0.5, "Table 2, 75 km/h")] = 0.0838
     i_s: Annotated[float, Quantity("-", "pinion angle / road-wheel angle", 5.0, 30.0, _R)] = 16.5
 
@@ -45,9 +35,7 @@ class SingleTrackState(NamedTuple):
 
 
 @scalar
-def single_track_rates(
-    x: SingleTrackState, tyre_angle: float, speed: float, p: SingleTrack
-) -> SingleTrackState:
+def single_track_rates(x: SingleTrackState, tyre_angle: float, speed: float, p: SingleTrack) -> SingleTrackState:
     """Derivatives of the state (Eq. 6) at a road-wheel angle in rad and a forward speed in m/s.
 
     Slip is positive where the tyre pushes to the left. The equations stay regular as speed goes to
@@ -58,8 +46,7 @@ def single_track_rates(
     return SingleTrackState(
         (force_front + force_rear) * (1.0 / p.m) - speed * x.yaw_rate,
         (p.l_f * force_front - p.l_r * force_rear) * (1.0 / p.J_z),
-        (speed * (tyre_angle - x.slip_front) - x.lateral_speed - p.l_f * x.yaw_rate)
-        * (1.0 / p.sigma_f),
+        (speed * (tyre_angle - x.slip_front) - x.lateral_speed - p.l_f * x.yaw_rate) * (1.0 / p.sigma_f),
         (p.l_r * x.yaw_rate - x.lateral_speed - speed * x.slip_rear) * (1.0 / p.sigma_r),
     )
 
@@ -71,9 +58,7 @@ def lateral_acceleration(x: SingleTrackState, p: SingleTrack) -> float:
 
 
 @scalar
-def kinematic_front_slip(
-    x: SingleTrackState, tyre_angle: float, speed: float, p: SingleTrack
-) -> float:
+def kinematic_front_slip(x: SingleTrackState, tyre_angle: float, speed: float, p: SingleTrack) -> float:
     """Front slip in rad without relaxation, as row 2 of Eq. 10 prints it; needs speed > 0."""
     return tyre_angle - (x.lateral_speed + p.l_f * x.yaw_rate) / speed
 
@@ -112,8 +97,7 @@ def moved_rk4(
 ) -> SingleTrackState:
     """The state after a classical Runge-Kutta step of h seconds."""
     return SingleTrackState(
-        x.lateral_speed
-        + rk4_mean(k0.lateral_speed, k1.lateral_speed, k2.lateral_speed, k3.lateral_speed, h),
+        x.lateral_speed + rk4_mean(k0.lateral_speed, k1.lateral_speed, k2.lateral_speed, k3.lateral_speed, h),
         x.yaw_rate + rk4_mean(k0.yaw_rate, k1.yaw_rate, k2.yaw_rate, k3.yaw_rate, h),
         x.slip_front + rk4_mean(k0.slip_front, k1.slip_front, k2.slip_front, k3.slip_front, h),
         x.slip_rear + rk4_mean(k0.slip_rear, k1.slip_rear, k2.slip_rear, k3.slip_rear, h),

@@ -23,9 +23,7 @@ def paper_acceleration(speed: float) -> float:
     return float(np.interp(speed, [from_kmh(v) for v in speeds], values))
 
 
-def steering_amplitude(
-    acceleration: float, speed: float, car: ReferenceParameters, peak_frequency_Hz: float
-) -> float:
+def steering_amplitude(acceleration: float, speed: float, car: ReferenceParameters, peak_frequency_Hz: float) -> float:
     """Pinion angle in rad for ``acceleration`` in m/s2 at 0.2 Hz, capped to a feasible sweep."""
     matrices = linear.single_track_matrices(speed, single_track_of(car))
     output = linear.VEHICLE_OUTPUTS.index("lateral_acceleration")
@@ -34,9 +32,7 @@ def steering_amplitude(
     return float(min(acceleration / gain, feasible))
 
 
-def hand_amplitude(
-    angle: float, driver: Driver, reference: ReferenceParameters, stiffness: float
-) -> float:
+def hand_amplitude(angle: float, driver: Driver, reference: ReferenceParameters, stiffness: float) -> float:
     """Hand angle in rad that moves the wheel by about ``angle``.
 
     A soft arm must reach further, against the felt torque. ``stiffness`` in N m/rad is the pinion's
@@ -44,6 +40,4 @@ def hand_amplitude(
     """
     if driver.k <= 0.0:
         return angle
-    return (
-        angle + torsion_bar_torque_for(stiffness * angle + reference.M_fric_C, reference) / driver.k
-    )
+    return angle + torsion_bar_torque_for(stiffness * angle + reference.M_fric_C, reference) / driver.k

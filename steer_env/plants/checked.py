@@ -14,9 +14,7 @@ from typing import Any
 from steer_env.errors import InputError
 
 
-def check_keys(
-    table: object, required: Collection[str], optional: Collection[str], where: str
-) -> Mapping[str, Any]:
+def check_keys(table: object, required: Collection[str], optional: Collection[str], where: str) -> Mapping[str, Any]:
     """Return ``table`` as a mapping after refusing missing keys and keys that nobody would read."""
     if not isinstance(table, Mapping):
         raise InputError(
@@ -27,18 +25,14 @@ def check_keys(
     known = [*required, *optional]
     for key in table:
         if key not in known:
-            raise InputError(
-                f"{where}: key '{key}'", "this key is not known", suggestion(str(key), known)
-            )
+            raise InputError(f"{where}: key '{key}'", "this key is not known", suggestion(str(key), known))
     for key in required:
         if key not in table:
             raise InputError(f"{where}: key '{key}'", "this key is missing", f"add '{key}'")
     return table
 
 
-def number(
-    table: Mapping[str, Any], key: str, where: str, low: float = -math.inf, high: float = math.inf
-) -> float:
+def number(table: Mapping[str, Any], key: str, where: str, low: float = -math.inf, high: float = math.inf) -> float:
     """Return ``table[key]`` as a float after checking that it is a finite number in [low, high]."""
     value = table[key]
     place = f"{where}: key '{key}'"
@@ -94,9 +88,7 @@ def read_utf8(path: Path, limit_bytes: int) -> str:
     try:
         size = path.stat().st_size
         if path.is_dir():
-            raise InputError(
-                where, "this is a folder, a file is expected", "give the path of the file"
-            )
+            raise InputError(where, "this is a folder, a file is expected", "give the path of the file")
         if size > limit_bytes:
             raise InputError(
                 where,
@@ -111,9 +103,7 @@ def read_utf8(path: Path, limit_bytes: int) -> str:
             "save the file as UTF-8, or check that it is the right file",
         ) from error
     except OSError as error:
-        raise InputError(
-            where, f"the file cannot be read ({error.strerror})", "check the path"
-        ) from error
+        raise InputError(where, f"the file cannot be read ({error.strerror})", "check the path") from error
     if not content.strip():
         raise InputError(where, "the file is empty", "write it again; it may have been cut off")
     return content
@@ -136,9 +126,7 @@ def read_json(path: Path, limit_bytes: int) -> dict[str, Any]:
         return dict(pairs)
 
     def not_a_number(word: str) -> float:
-        raise InputError(
-            where, f"{word} is not a number that JSON knows", "write finite numbers only"
-        )
+        raise InputError(where, f"{word} is not a number that JSON knows", "write finite numbers only")
 
     try:
         table = json.loads(content, object_pairs_hook=unique, parse_constant=not_a_number)
@@ -149,9 +137,7 @@ def read_json(path: Path, limit_bytes: int) -> dict[str, Any]:
             "correct the line, or write the file again if it was cut off",
         ) from error
     except RecursionError as error:
-        raise InputError(
-            where, "the brackets are nested too deeply", "check that this is the right file"
-        ) from error
+        raise InputError(where, "the brackets are nested too deeply", "check that this is the right file") from error
     except ValueError as error:  # Python refuses whole numbers of more than 4300 digits
         raise InputError(where, f"a number is too long ({error})", "write it as 1.0e3") from error
     if not isinstance(table, dict):

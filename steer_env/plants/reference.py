@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,6 +35,7 @@ class Reference:
     linear: bool = False
     match_stiffness: bool = True
     source: str = "published"
+    speed: float = from_kmh(75.0)  # m/s, for a method that is given none; an environment puts its own
 
     @classmethod
     def load(cls, source: str | Path | Reference, linear: bool | None = None) -> Reference:
@@ -45,7 +46,7 @@ class Reference:
         if isinstance(source, Reference):
             if linear is None or linear == source.linear:
                 return source
-            return cls(source.file, linear, source.match_stiffness, source.source)
+            return replace(source, linear=linear)
         path = Path(source)
         changed = path.stat().st_mtime_ns if path.is_file() else 0
         return _loaded(str(source), changed, bool(linear))
@@ -63,14 +64,13 @@ class Reference:
     def at(self, speed: float) -> ReferenceParameters:
         """Parameters at a speed in m/s: straight between rows, held beyond the ends."""
         table = self.table
-        return ReferenceParameters(
-            *(float(np.interp(speed, table[:, 0], column)) for column in table[:, 1:].T)
-        )
+        return ReferenceParameters(*(float(np.interp(speed, table[:, 0], column)) for column in table[:, 1:].T))
 
-    def to_statespace(self, speed: float) -> control.StateSpace:
+    def to_statespace(self, speed: float | None = None) -> control.StateSpace:
         """Eq. 10 at a speed in m/s: torsion_bar_torque to pinion_angle and pinion_rate, named."""
         import control
 
+        speed = self.speed if speed is None else speed
         p = self.at(speed)
         A, B, C, D = linear.reference_matrices(speed, p, 1.0 + p.k_gain)
         return control.ss(
@@ -122,15 +122,11 @@ def _loaded(source: str, changed: int, linear: bool) -> Reference:
 
 def steady_stiffness(speed: float, p: ReferenceParameters) -> float:
     """|load torque / pinion angle| at 0.2 Hz in N m/rad: c_pin_on of the parameters themselves."""
-    return float(
-        abs(linear.frequency_response(linear.load_matrices(speed, p), STEADY_FREQUENCY_Hz)[0, 0, 0])
-    )
+    return float(abs(linear.frequency_response(linear.load_matrices(speed, p), STEADY_FREQUENCY_Hz)[0, 0, 0]))
 
 
 def missing_stiffness(speed: float, p: ReferenceParameters, c_pin_on: float) -> float:
     """Real stiffness in N m/rad that brings |load / pinion angle| at 0.2 Hz to ``c_pin_on``."""
-    response = linear.frequency_response(linear.load_matrices(speed, p), STEADY_FREQUENCY_Hz)[
-        0, 0, 0
-    ]
+    response = linear.frequency_response(linear.load_matrices(speed, p), STEADY_FREQUENCY_Hz)[0, 0, 0]
     in_phase = max(c_pin_on * c_pin_on - response.imag * response.imag, 0.0) ** 0.5
     return float(in_phase - response.real)

@@ -45,9 +45,7 @@ class ReferenceFile:
 
 def published() -> ReferenceFile:
     """Return the paper's Tables 2 and 3 with vehicle set R, as the package ships them."""
-    with resources.as_file(
-        resources.files("steer_env.plants") / "data" / "chugh_2019.json"
-    ) as path:
+    with resources.as_file(resources.files("steer_env.plants") / "data" / "chugh_2019.json") as path:
         return read_reference(path)
 
 
@@ -56,16 +54,12 @@ def read_reference(path: str | Path) -> ReferenceFile:
     path = Path(path)
     where = str(path)
     table = checked.read_json(path, LIMIT_BYTES)
-    checked.check_keys(
-        table, ("schema_version", "slip", "vehicle", "rows", "provenance"), (), where
-    )
+    checked.check_keys(table, ("schema_version", "slip", "vehicle", "rows", "provenance"), (), where)
     checked.schema_version(table, where, SCHEMA_VERSION)
     slip = checked.text(table, "slip", where, SLIP_FORMS)
     vehicle = read_vehicle(table["vehicle"], f"{where}: vehicle")
     if not isinstance(table["provenance"], dict):
-        raise InputError(
-            f"{where}: key 'provenance'", "a table is expected", "write {} when nothing is known"
-        )
+        raise InputError(f"{where}: key 'provenance'", "a table is expected", "write {} when nothing is known")
     rows = _read_rows(table["rows"], where)
     values, std, frf, extrapolated = zip(*rows, strict=True)
     return ReferenceFile(vehicle, values, slip, std, frf, extrapolated, table["provenance"])
@@ -93,9 +87,7 @@ def vehicle_table(vehicle: KnownVehicle) -> dict[str, float]:
     return {key: getattr(vehicle, name) for name, key in VEHICLE_KEYS.items()}
 
 
-def read_fields(
-    table: object, kind: type[NamedTuple], where: str, optional: bool = False
-) -> dict[str, float]:
+def read_fields(table: object, kind: type[NamedTuple], where: str, optional: bool = False) -> dict[str, float]:
     """Read the fields of a NamedTuple (with ``Quantity``) from a table with unit-suffixed keys."""
     keys = file_keys(kind)
     names = keys.values()
@@ -136,12 +128,7 @@ def _read_rows(rows: object, where: str) -> list[_Row]:
 
 
 def _read_row(table: object, where: str) -> _Row:
-    beside = [
-        key + suffix
-        for key in ROW_KEYS.values()
-        if key != "speed_kmh"
-        for suffix in ("_std", "_frf")
-    ]
+    beside = [key + suffix for key in ROW_KEYS.values() if key != "speed_kmh" for suffix in ("_std", "_frf")]
     found = checked.check_keys(table, ROW_KEYS.values(), [*beside, "extrapolated"], where)
     values = ReferenceRow(
         **{
@@ -155,16 +142,8 @@ def _read_row(table: object, where: str) -> _Row:
             f"{values.c_pin_off:g} exceeds the on-centre stiffness {values.c_pin_on:g}",
             "an assist lowers the stiffness off centre; check whether the two are swapped",
         )
-    std = {
-        n: checked.number(found, f"{k}_std", where, 0.0)
-        for n, k in ROW_KEYS.items()
-        if f"{k}_std" in found
-    }
-    frf = {
-        n: checked.number(found, f"{k}_frf", where)
-        for n, k in ROW_KEYS.items()
-        if f"{k}_frf" in found
-    }
+    std = {n: checked.number(found, f"{k}_std", where, 0.0) for n, k in ROW_KEYS.items() if f"{k}_std" in found}
+    frf = {n: checked.number(found, f"{k}_frf", where) for n, k in ROW_KEYS.items() if f"{k}_frf" in found}
     return _Row(values, std, frf, _read_extrapolated(found.get("extrapolated", []), where))
 
 
@@ -174,9 +153,7 @@ def _read_extrapolated(keys: object, where: str) -> tuple[str, ...]:
         raise InputError(place, "a list of row keys is expected", "write [] when all was measured")
     for key in keys:
         if not isinstance(key, str) or key not in _FIELD_OF:
-            raise InputError(
-                place, f"{key!r} is not a row key", checked.suggestion(str(key), _FIELD_OF)
-            )
+            raise InputError(place, f"{key!r} is not a row key", checked.suggestion(str(key), _FIELD_OF))
     return tuple(_FIELD_OF[key] for key in keys)
 
 

@@ -16,34 +16,20 @@ _GEOMETRY = "assumption: from a small car to a laden van"
 class ReferenceRow(NamedTuple):
     """Reference parameters at one speed (Eqs. 6, 9, 10, 13 to 15)."""
 
-    speed_kmh: Annotated[
-        float, Quantity("km/h", "speed", 0.5, 400.0, "assumption: any road vehicle")
-    ]
-    J_ref: Annotated[
-        float, Quantity("kg m2", "effective inertia at the pinion", 1e-4, 1.0, _TABLE_2)
-    ]
-    b_ref: Annotated[
-        float, Quantity("N m s/rad", "effective damping; may be negative", -10.0, 20.0, _TABLE_2)
-    ]
-    k_gain: Annotated[
-        float, Quantity("-", "linearised assist gain, K_assist = 1 + k_gain", 0.0, 50.0, _TABLE_2)
-    ]
+    speed_kmh: Annotated[float, Quantity("km/h", "speed", 0.5, 400.0, "assumption: any road vehicle")]
+    J_ref: Annotated[float, Quantity("kg m2", "effective inertia at the pinion", 1e-4, 1.0, _TABLE_2)]
+    b_ref: Annotated[float, Quantity("N m s/rad", "effective damping; may be negative", -10.0, 20.0, _TABLE_2)]
+    k_gain: Annotated[float, Quantity("-", "linearised assist gain, K_assist = 1 + k_gain", 0.0, 50.0, _TABLE_2)]
     n_t: Annotated[float, Quantity("m", "mechanical + pneumatic trail", 1e-4, 0.5, _TABLE_2)]
     sigma_f: Annotated[float, Quantity("m", "front relaxation length", 1e-3, 5.0, _TABLE_2)]
     sigma_r: Annotated[float, Quantity("m", "rear relaxation length", 1e-3, 5.0, _TABLE_2)]
     C_f: Annotated[float, Quantity("N/rad", "front axle cornering stiffness", 5e3, 1e6, _TABLE_2)]
     C_r: Annotated[float, Quantity("N/rad", "rear axle cornering stiffness", 5e3, 1e6, _TABLE_2)]
     J_z: Annotated[float, Quantity("kg m2", "yaw inertia", 50.0, 5e4, _TABLE_2)]
-    c_pin_on: Annotated[
-        float, Quantity("N m/rad", "on-centre pinion stiffness", 1e-3, 1e3, _TABLE_3)
-    ]
-    c_pin_off: Annotated[
-        float, Quantity("N m/rad", "off-centre pinion stiffness, <= c_pin_on", 0.0, 1e3, _TABLE_3)
-    ]
+    c_pin_on: Annotated[float, Quantity("N m/rad", "on-centre pinion stiffness", 1e-3, 1e3, _TABLE_3)]
+    c_pin_off: Annotated[float, Quantity("N m/rad", "off-centre pinion stiffness, <= c_pin_on", 0.0, 1e3, _TABLE_3)]
     M_fric_C: Annotated[float, Quantity("N m", "Coulomb friction level", 0.0, 30.0, _TABLE_3)]
-    sigma_assist: Annotated[
-        float, Quantity("N m", "width of the Gaussian assist (Eq. 13)", 0.05, 30.0, _TABLE_3)
-    ]
+    sigma_assist: Annotated[float, Quantity("N m", "width of the Gaussian assist (Eq. 13)", 0.05, 30.0, _TABLE_3)]
     c_fric: Annotated[float, Quantity("N m/rad", "Dahl stiffness (Eq. 15)", 1.0, 1e5, _TABLE_3)]
 
 
@@ -53,12 +39,8 @@ class KnownVehicle(NamedTuple):
     mass: Annotated[float, Quantity("kg", "vehicle mass as tested", 300.0, 2e4, _GEOMETRY)]
     cg_to_front_axle: Annotated[float, Quantity("m", "l_f", 0.3, 6.0, _GEOMETRY)]
     cg_to_rear_axle: Annotated[float, Quantity("m", "l_r", 0.3, 6.0, _GEOMETRY)]
-    yaw_inertia: Annotated[
-        float, Quantity("kg m2", "theoretical yaw inertia", 50.0, 5e4, _GEOMETRY)
-    ]
-    steering_ratio: Annotated[
-        float, Quantity("-", "i_s: pinion angle per road-wheel angle", 5.0, 40.0, _GEOMETRY)
-    ]
+    yaw_inertia: Annotated[float, Quantity("kg m2", "theoretical yaw inertia", 50.0, 5e4, _GEOMETRY)]
+    steering_ratio: Annotated[float, Quantity("-", "i_s: pinion angle per road-wheel angle", 5.0, 40.0, _GEOMETRY)]
     pinion_ratio: Annotated[
         float,
         Quantity(

@@ -199,8 +199,8 @@ def test_reward_is_the_sum_of_its_named_parts():
 
 def test_reference_as_named_statespace():
     """Catches an unnamed or wrong system: its steady gain must be (1 + k_gain) / stiffness."""
-    reference = make().unwrapped.reference
-    system = reference.to_statespace(75 / 3.6)
+    reference = make(speed_kmh=75).unwrapped.reference
+    system = reference.to_statespace()
     assert system.input_labels == ["torsion_bar_torque"]
     assert system.output_labels == ["pinion_angle", "pinion_rate"]
     gain = abs(system(2j * np.pi * 0.2)[0, 0])

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from steer_env.physics.friction import dahl_step, lugre_step, lugre_torque, stribeck_level
+from steer_env.physics.plant import bristle_damping, bristle_torque
+from steer_env.physics.steering import Steering
 
 repeatable = settings(derandomize=True, deadline=None, max_examples=300, database=None)
 levels = st.floats(0.01, 20.0)
@@ -114,3 +116,23 @@ def test_lugre_without_stribeck_and_bristle_damping_is_dahl(rates, M_C, c_fric):
         torque = dahl_step(torque, rate * dt, M_C, c_fric)
         bristle = lugre_torque(deflection, rate, M_C, M_C, 0.1, c_fric, 0.0)
         assert bristle == pytest.approx(torque, abs=1e-9 * M_C)
+
+
+def test_lugre_in_the_plant_is_lugre_of_the_textbook():
+    """Catches a wrong level, sign or damping where LuGre replaces Dahl on the lower body."""
+    p = Steering(M_fric=1.5, M_fric_extra=0.8, sigma_1=0.3, stribeck_rate=0.2, c_fric=120.0)
+    z, torque, dt = 0.0, 0.0, 1e-4
+    for k in range(4000):
+        rate = 0.5 * math.cos(8.0 * k * dt)
+        z = lugre_step(z, rate, dt, 1.5, 2.3, 0.2, 120.0)
+        torque = bristle_torque(torque, rate * dt, rate, p)
+        assert torque == pytest.approx(120.0 * z, abs=1e-9)
+        total = torque + bristle_damping(torque, rate, p)
+        assert total == pytest.approx(lugre_torque(z, rate, 1.5, 2.3, 0.2, 120.0, 0.3), abs=1e-9)
+
+
+def test_dahl_is_lugre_without_stribeck_and_bristle_damping():
+    """Catches a switch that changes the default friction."""
+    p = Steering()
+    assert bristle_torque(0.7, 0.01, 3.0, p) == dahl_step(0.7, 0.01, p.M_fric, p.c_fric)
+    assert bristle_damping(0.7, 3.0, p) == 0.0
