@@ -28,6 +28,7 @@ CONTROLLERS: dict[str, str] = {
     "open_loop_map": "controllers.open_loop_map",
     "pid": "controllers.pid",
     "lead": "controllers.lead",
+    "disturbance_observer": "controllers.disturbance_observer",
 }
 
 CAUSALITIES = ("impedance", "admittance")

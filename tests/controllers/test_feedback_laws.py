@@ -1,5 +1,6 @@
 """The laws that close a loop on the reference, besides pid: stable in the small, and each one's own promise."""
 
+from dataclasses import replace
 from itertools import product
 
 import pytest
@@ -7,6 +8,8 @@ import pytest
 import controllers
 from controllers import CAUSALITIES, CONTROLLERS
 from experiments import coupled_stability
+from experiments.measures import rms
+from experiments.rollout import run
 from steer_env.envs.task import Task
 from steer_env.plants import DRIVERS, PLANTS, Reference
 
@@ -23,3 +26,18 @@ def test_stable_in_the_small_with_every_arm(name, plant, causality, speed_kmh, l
         task = Task(plant, causality, reference, linear, None, "standstill", speed_kmh, arm)
         fastest = coupled_stability.modes(task, law)[0]
         assert fastest.real < 0.0, f"{arm}: grows with {fastest}"
+
+
+@pytest.mark.parametrize("causality", CAUSALITIES)
+def test_the_disturbance_observer_takes_off_what_the_model_does_not_know(causality):
+    """Hardware with twice the friction and damping that the design was told: catches a Q of the wrong sign or age."""
+    nominal = PLANTS["EPAS"]
+    worn = nominal.steering._replace(M_fric=2.0 * nominal.steering.M_fric, b_pin=2.0 * nominal.steering.b_pin)
+    reference = Reference.load("published")
+    task = Task(replace(nominal, steering=worn), causality, reference, manoeuvre="steady_state", duration=10.0)
+
+    def error(**gains):
+        law = controllers.make("disturbance_observer", nominal, reference, causality, **gains)
+        return rms(run(task, law, seed=1)["error"])
+
+    assert error() < 0.6 * error(q_bandwidth=0.0)

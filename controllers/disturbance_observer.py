@@ -1,0 +1,172 @@
+"""Disturbance observer with PD and reference feed-forward; the Q-filter's bandwidth is the tuning axis.
+
+The observer compares what the lower body does with what its nominal model should do under the
+motor's and the hand's torque, and gives the difference back to the motor:
+
+    d = M_tb + i M_mot - J_pin a - b_pin w - M_known,     i M_mot = M_model + M_known + Q(s) d - M_wanted + PD
+
+M_known is what feed-forward already knows of load and friction. What the model gets wrong (the
+car's load, friction, motor constant) appears in d and is gone below Q's bandwidth. Above it nothing
+changes; it cannot be raised beyond what the delay allows. M_mot comes from the commands, aged by
+the delays and the motor's lag as the angle is. The acceleration comes from the control unit's own
+observer, whose unknown load is a triple lag of the true one; M_known takes the same lag before the
+two are compared, or its lead over them would look like a disturbance.
+
+Impedance: P and D on the torsion-bar torque. Admittance: P and D on the angle, as a torque by the
+reference's own inertia and assist (controllers.tracking).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+from controllers.blocks import Notch, NotchState, assist_slope, low_pass, notch_step
+from controllers.law import LawController, with_gains
+from controllers.pid_design import bar_notch, total_delay
+from controllers.schedule import Felt, felt_at, schedule_of
+from controllers.tracking import MotionState, Target, angle_target, gain_at, motion_step, torque_target
+from steer_env.interface import Observation
+from steer_env.physics._jit import scalar
+from steer_env.physics.motor import lag_decay, lag_step
+from steer_env.plants import Plant, Reference
+from steer_env.units import Quantity
+
+_N = "the plant's nominal value"
+SEEN_COMMANDS = 4  # periods of past commands in an observation
+
+
+class ObserverParameters(NamedTuple):
+    """Parameters of both laws; torques at the lower body unless said otherwise."""
+
+    schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
+    period: Annotated[float, Quantity("s", "control period", 1e-5, 0.05, "the loop's own")]
+    motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, _N)]
+    rack_share: Annotated[float, Quantity("-", "1 where the car loads the lower body, 0 for SbW", 0.0, 1.0, _N)]
+    J_pin: Annotated[float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, _N)]
+    b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
+    M_fric: Annotated[float, Quantity("N m", "lower-body friction", 0.0, 20.0, _N)]
+    c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
+    command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
+    motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
+    observer_bandwidth: Annotated[float, Quantity("rad/s", "of the control unit's observer", 1.0, 2e3, _N)]
+    q_bandwidth: Annotated[float, Quantity("rad/s", "Q filter; 0: none", 0.0, 1e3, "assumption: 0.1 / T_d")]
+    acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
+    derivative: Annotated[float, Quantity("s", "D over P on the torque", 0.0, 0.2, "computed from the plant")]
+    derivative_bandwidth: Annotated[float, Quantity("rad/s", "its filter", 1.0, 1e4, "assumption: 1.5 / T_d")]
+    natural: Annotated[float, Quantity("rad/s", "angle loop", 0.1, 500.0, "assumption: 0.075 / T_d")]
+    torque_lag: Annotated[float, Quantity("s", "lag of the hand's torque, admittance", 0.0, 0.1, "1.2 T_d if notched")]
+    gain: Annotated[float, Quantity("-", "share of the matched torque gain", 0.0, 3.0, "assumption")] = 1.0
+    damping_ratio: Annotated[float, Quantity("-", "of the angle loop", 0.0, 3.0, "assumption")] = 0.9
+    inertia_share: Annotated[float, Quantity("-", "share of J_pin cancelled outright", 0.0, 1.0, "assumption")] = 0.3
+    slope_limit: Annotated[float, Quantity("-", "slope beyond which a_ref fades", 1.0, 50.0, "assumption")] = 12.0
+    notch: Notch = Notch()
+
+
+class ObserverState(NamedTuple):
+    """Disturbance, lags of what is known, motor torque and filtered torque in N m; motion, notch."""
+
+    disturbance: float = 0.0
+    known_1: float = 0.0
+    known_2: float = 0.0
+    known_3: float = 0.0
+    motor_torque: float = 0.0
+    torque: float = 0.0
+    motion: MotionState = MotionState()
+    notch: NotchState = NotchState()
+
+
+@scalar
+def aged_command(o: Observation, age: float) -> float:
+    """The command in N m given ``age`` periods ago (1 to 4)."""
+    if age < 1.5:
+        return o.last_torque_1
+    if age < 2.5:
+        return o.last_torque_2
+    return o.last_torque_3 if age < 3.5 else o.last_torque_4
+
+
+@scalar
+def disturbance_of(
+    known: float, o: Observation, x: ObserverState, p: ObserverParameters
+) -> tuple[float, float, float, float, float]:
+    """(Q(s) d, the three lags of ``known``, motor torque), all in N m; ``known`` is load and friction."""
+    motor = lag_step(x.motor_torque, aged_command(o, p.command_age), p.motor_decay)
+    known_1 = low_pass(x.known_1, known, p.observer_bandwidth, p.period)
+    known_2 = low_pass(x.known_2, known_1, p.observer_bandwidth, p.period)
+    known_3 = low_pass(x.known_3, known_2, p.observer_bandwidth, p.period)
+    model = p.J_pin * o.pinion_acceleration + p.b_pin * o.pinion_rate
+    seen = o.torsion_bar_torque + p.motor_ratio * motor - model - known_3
+    return low_pass(x.disturbance, seen, p.q_bandwidth, p.period), known_1, known_2, known_3, motor
+
+
+@scalar
+def pd_loop(
+    target: Target,
+    lead: float,
+    motion: MotionState,
+    felt: Felt,
+    o: Observation,
+    x: ObserverState,
+    p: ObserverParameters,
+) -> tuple[float, ObserverState]:
+    """Motor torque for a target; ``lead`` in s is D over the whole torque."""
+    disturbance, known_1, known_2, known_3, motor = disturbance_of(target.known, o, x, p)
+    torque = low_pass(x.torque, o.torsion_bar_torque, p.derivative_bandwidth, p.period)
+    derivative = lead * p.derivative_bandwidth * (o.torsion_bar_torque - torque)
+    proportional = gain_at(felt, p) * (target.wanted - o.torsion_bar_torque)
+    lower = target.model + target.known + disturbance - target.wanted - proportional + derivative
+    output, notch = notch_step(lower, x.notch, p.notch)
+    state = ObserverState(disturbance, known_1, known_2, known_3, motor, torque, motion, notch)
+    return output / p.motor_ratio, state
+
+
+@scalar
+def torque_law(o: Observation, x: ObserverState, p: ObserverParameters) -> tuple[float, ObserverState]:
+    """Impedance: reference torque fed forward, PD on the torque, disturbance taken off."""
+    felt = felt_at(o.speed, p.schedule)
+    motion = motion_step(o.pinion_angle, o, felt, x.motion, p)
+    lead = (1.0 + gain_at(felt, p)) * p.derivative
+    return pd_loop(torque_target(o, felt, motion, p), lead, motion, felt, o, x, p)
+
+
+@scalar
+def angle_law(o: Observation, x: ObserverState, p: ObserverParameters) -> tuple[float, ObserverState]:
+    """Admittance: reference motion fed forward, PD on the angle, disturbance taken off."""
+    felt = felt_at(o.speed, p.schedule)
+    motion = motion_step(o.reference, o, felt, x.motion, p)
+    lead = min(assist_slope(o.torsion_bar_torque, felt), p.slope_limit) * p.derivative + p.torque_lag
+    return pd_loop(angle_target(o, felt, motion, p), lead, motion, felt, o, x, p)
+
+
+def make(plant: Plant, reference: Reference, causality: str, **gains: float) -> LawController:
+    """The controller for a plant; ``gains`` replace fields of ObserverParameters."""
+    s = plant.steering
+
+    def for_period(period: float) -> ObserverParameters:
+        delay = total_delay(plant, period)
+        notch = bar_notch(plant, period)
+        stiff = notch != Notch()
+        parameters = ObserverParameters(
+            schedule=schedule_of(reference),
+            period=period,
+            motor_ratio=s.motor_ratio,
+            rack_share=plant.rack_share,
+            J_pin=s.J_pin,
+            b_pin=s.b_pin,
+            M_fric=s.M_fric,
+            c_fric=s.c_fric,
+            command_age=min(1.0 + plant.sensors.angle_delay + plant.motor.dead_time, SEEN_COMMANDS),
+            motor_decay=lag_decay(plant.motor.bandwidth_Hz, period),
+            observer_bandwidth=2.0 * math.pi * plant.observer_bandwidth_Hz,
+            q_bandwidth=0.1 / delay,
+            acceleration_bandwidth=1.0 / delay,
+            derivative=0.0 if stiff else 1.5 * delay,
+            derivative_bandwidth=(1.0 / 1.2 if stiff else 1.5) / delay,
+            natural=0.075 / delay,
+            torque_lag=1.2 * delay if stiff else 0.0,
+            notch=notch,
+        )
+        return with_gains(parameters, gains, "disturbance_observer")
+
+    return LawController(torque_law if causality == "impedance" else angle_law, for_period, ObserverState())
