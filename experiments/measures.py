@@ -56,12 +56,21 @@ def high_passed(signal: Array, cut_off_Hz: float, dt: float) -> Array:
 
 
 def crossings(x: Array, y: Array, rising: bool) -> Array:
-    """Values of y where x passes zero upwards (or downwards), straight between samples."""
+    """Values of y where x passes zero upwards (or downwards), one per passage, straight between samples.
+
+    A passage leads from beyond the on-centre region on one side to beyond it on the other; where noise makes x change
+    its sign several times on the way, the mean of those places counts, so that noise cannot mix the two branches.
+    """
     sign = x if rising else -x
-    at = np.flatnonzero((sign[:-1] < 0.0) & (sign[1:] >= 0.0))
-    share = x[at] / (x[at] - x[at + 1])
-    result: Array = y[at] + share * (y[at + 1] - y[at])
-    return result
+    outside = np.flatnonzero(np.abs(x) >= ON_CENTRE * np.abs(x).max())
+    passing = np.flatnonzero((sign[outside[:-1]] < 0.0) & (sign[outside[1:]] > 0.0))
+    found = []
+    for start, end in zip(outside[passing], outside[passing + 1], strict=True):
+        inside = slice(start, end + 1)
+        at = start + np.flatnonzero(np.signbit(sign[inside][:-1]) != np.signbit(sign[inside][1:]))
+        share = x[at] / (x[at] - x[at + 1])
+        found.append(float(np.mean(y[at] + share * (y[at + 1] - y[at]))))
+    return np.array(found)
 
 
 def half_width(x: Array, y: Array) -> float:

@@ -184,3 +184,14 @@ def test_a_manoeuvre_gets_its_own_metrics_only():
     assert "torque_hysteresis" in sine_scores
     assert "frf_phase" not in sine_scores
     assert all(metric.unit and metric.meaning for metric in METRICS.values())
+
+
+def test_hysteresis_width_survives_noise_on_the_torque():
+    """Catches branches mixed by noise: a torque that changes its sign ten times on its way through zero."""
+    t = np.linspace(0.0, 10.0, 10_000, endpoint=False)
+    angle = np.sin(2 * np.pi * 0.2 * t)
+    torque = 3.0 * np.sin(2 * np.pi * 0.2 * t + 0.1)
+    noisy = torque + np.random.default_rng(0).normal(0.0, 0.1, t.size)
+    exact = measures.half_width(torque, angle)
+    assert exact == pytest.approx(np.sin(0.1), rel=1e-4)
+    assert measures.half_width(noisy, angle) == pytest.approx(exact, rel=0.1)
