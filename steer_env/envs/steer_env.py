@@ -21,6 +21,7 @@ NOISE_BLOCK = 64  # periods of noise drawn at once: 1 KiB for each environment
 UNSTABLE = "unstable: the wheel was thrown beyond any sane rate or torque"
 COMPLETE = "end of the manoeuvre"
 RENDER_FPS = 25
+TRUTH_NAMES = Truth._fields
 
 
 class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -71,6 +72,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._scaled = np.zeros((1, n), np.float32)
         self._truth = np.zeros((1, len(Truth._fields)))
         self._scales = np.ones((1, n))
+        self._observation_row, self._scaled_row, self._truth_row = self._observation[0], self._scaled[0], self._truth[0]
         self._command = np.zeros(1)
         self._viewer: Any = None
         # Checked now, so that a wrong option is told at make; what this draws is thrown away.
@@ -97,7 +99,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def observation(self) -> Observation:
         """The latest observation in SI, as controllers take it."""
-        return Observation(*self._observation[0].tolist())
+        return Observation._make(self._observation_row.tolist())
 
     def action_for(self, torque: float) -> NDArray[np.float32]:
         """The action that commands a motor torque in N m."""
@@ -131,7 +133,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """One control period with a motor torque as a share of the rated torque."""
         if self._period < 0:
             raise RuntimeError("step before reset: call env.reset() first")
-        share = float(np.asarray(action).reshape(-1)[0])
+        share = float(np.asarray(action).item())
         if not math.isfinite(share):
             raise ValueError(f"action is {share}: give a finite share of the rated torque in [-1, 1]")
         clipped = share < -1.0 or share > 1.0
@@ -152,20 +154,17 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._truth,
         )
         self._period += 1
-        truth = self._truth[0]
-        ended = ""
-        if truth[-1] > 0.5:
-            ended = UNSTABLE
-        elif self._period >= self._setup.periods:
-            ended = COMPLETE
+        ended = COMPLETE if self._period >= self._setup.periods else ""
         info = self._info(clipped, ended)
+        if info["unstable"] > 0.5:
+            ended = info["ended"] = UNSTABLE
         reward = info["reward_tracking"] + info["reward_smoothness"] + info["reward_effort"]
         if self._viewer is not None or self.render_mode == "human":
             self._record(info)
-        return self._scaled[0].copy(), reward, False, bool(ended), info
+        return self._scaled_row.copy(), reward, False, bool(ended), info
 
     def _info(self, clipped: bool, ended: str) -> dict[str, Any]:
-        info: dict[str, Any] = dict(zip(Truth._fields, self._truth[0].tolist(), strict=True))
+        info: dict[str, Any] = dict(zip(TRUTH_NAMES, self._truth_row.tolist(), strict=True))
         info["observation"] = self.observation
         info["clipped"] = clipped
         info["ended"] = ended
