@@ -22,6 +22,8 @@ Values = Mapping[str, float]
 Scores = dict[tuple[object, ...], Floats]
 Model = Callable[[Values, FrequencyResponse], Complexes]
 
+BANDS_PER_OCTAVE = 1.0  # errors of a model are taken as independent between bands of this width, not within
+
 
 class Problem(Protocol):
     """Residuals to be made small, and how they scatter; ``uses`` says which parameters they depend on."""
@@ -67,7 +69,18 @@ class ResponseTerm:
         scale_m, scale_p = self._scales()
         relative = self.response.deviation / self.response.value
         magnitude = -relative.real * self.response.magnitude * scale_m
-        return _scores_of(self.response, self.key, magnitude, -relative.imag * scale_p, jacobian)
+        random = _scores_of(self.response, self.key, magnitude, -relative.imag * scale_p, jacobian)
+        return random | self._systematic(jacobian, values)
+
+    def _systematic(self, jacobian: Floats, values: Values) -> Scores:
+        """What the model leaves out: the mean residual's scores, one cluster per band, shared by all channels."""
+        error, n = self.residual(values), self.response.value.size
+        found: Scores = {}
+        for k, frequency in enumerate(self.response.frequency):
+            key = (self.key, "model", round(BANDS_PER_OCTAVE * float(np.log2(frequency))))
+            score = jacobian[k] * error[k] + jacobian[n + k] * error[n + k]
+            found[key] = found[key] + score if key in found else score
+        return found
 
     def _scales(self) -> tuple[float, float]:
         n = max(self.response.value.size, 1)

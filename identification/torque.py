@@ -28,7 +28,8 @@ from steer_env.plants.reference_row import KnownVehicle
 SETTLE_S = 1.0  # left out at the start (unknown friction state) and the end of a record
 UPSAMPLING = 5  # steps per sample for friction, whose turning points fall between samples
 THIN = 2  # 50 Hz hold all of an error that is limited to 25 Hz
-BLOCK_S = 1.0  # errors are taken as independent between blocks of this length, not within
+BLOCK_S = 2.5  # errors are taken as independent between blocks of this length, not within
+HALF_PERIOD_S, SINE_BLOCKS = 2.5, 5  # of the steady-state sine at 0.2 Hz, and its blocks
 NEEDS = ("pinion_angle_rad", "torsion_bar_torque_Nm")
 VEHICLE_PARAMETERS = ("C_f", "C_r", "n_t", "sigma_f", "sigma_r", "J_z", "delay_imu")
 
@@ -179,14 +180,16 @@ def block_scores(error: Floats, jacobian: Floats, sizes: Sequence[int], runs: Se
     """Scores of a time-domain residual, summed within blocks of BLOCK_S; ``sizes`` are the samples of each run.
 
     The same block of repeated runs is one cluster: what the model leaves out repeats, and must not count as averaged.
+    In a sine it repeats, mirrored, in every half period: there a block is a fifth of all half periods.
     """
     found: Scores = {}
     first = 0
     for run, size in zip(runs, sizes, strict=True):
-        length = max(1, round(BLOCK_S / run.dt / THIN))
-        for start in range(first, first + size, length):
+        sine = run.manoeuvre == "steady_state"
+        length = max(1, round((HALF_PERIOD_S / SINE_BLOCKS if sine else BLOCK_S) / run.dt / THIN))
+        for block, start in enumerate(range(first, first + size, length)):
             part = slice(start, min(start + length, first + size))
-            key = (speed, "block", run.manoeuvre, start - first)
+            key = (speed, "block", run.manoeuvre, block % SINE_BLOCKS if sine else block)
             score = jacobian[part].T @ error[part]
             found[key] = found[key] + score if key in found else score
         first += size
