@@ -29,6 +29,7 @@ CONTROLLERS: dict[str, str] = {
     "pid": "controllers.pid",
     "lead": "controllers.lead",
     "disturbance_observer": "controllers.disturbance_observer",
+    "lqg": "controllers.lqg",
 }
 
 CAUSALITIES = ("impedance", "admittance")

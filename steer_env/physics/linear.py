@@ -13,18 +13,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.physics import vehicle
+from steer_env.physics.motor import Motor
 from steer_env.physics.reference import (
     ReferenceParameters,
     reference_load,
     reference_rates,
     single_track_of,
 )
+from steer_env.physics.steering import Steering, SteeringMotion, steering_rates, torsion_bar_torque
 from steer_env.physics.vehicle import SingleTrack, SingleTrackState
 
 Matrix = NDArray[np.float64]
 Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
 
 VEHICLE_OUTPUTS = ("yaw_rate", "lateral_acceleration", "sideslip_angle", "slip_front")
+PLANT_STATES = ("steering_angle", "steering_rate", "pinion_angle", "pinion_rate", "motor_torque")
+PLANT_OUTPUTS = ("torsion_bar_torque", "pinion_angle")
 REFERENCE_STATES = (
     "pinion_angle",
     "pinion_rate",
@@ -87,6 +91,26 @@ def reference_matrices(speed: float, p: ReferenceParameters, K: float) -> Matric
         return (z[0], z[1])
 
     return _split(jacobian(rates, 7), jacobian(outputs, 7), 6)
+
+
+def plant_matrices(steering: Steering, motor: Motor, J_driver: float = 0.0, stuck: bool = False) -> Matrices:
+    """Eq. 2 with the motor's lag: motor target, hand and load torque (N m) to PLANT_OUTPUTS.
+
+    Frictions slide (constant, so they vanish here), or are ``stuck`` and act as their springs.
+    """
+    w = 2.0 * np.pi * motor.bandwidth_Hz
+    c_s = steering.c_s_fric if stuck and steering.M_s_fric > 0.0 else 0.0
+    c_p = steering.c_fric if stuck and steering.M_fric > 0.0 else 0.0
+
+    def rates(z: NDArray[np.float64]) -> Sequence[float]:
+        x = SteeringMotion(*z[:4])
+        friction = c_s * x.steering_angle, c_p * x.pinion_angle
+        return (*steering_rates(x, z[6], *friction, z[7], z[4], J_driver, steering), w * (z[5] - z[4]))
+
+    def outputs(z: NDArray[np.float64]) -> Sequence[float]:
+        return torsion_bar_torque(SteeringMotion(*z[:4]), steering), z[2]
+
+    return _split(jacobian(rates, 8), jacobian(outputs, 8), 5)
 
 
 def frequency_response(matrices: Matrices, frequency_Hz: ArrayLike) -> NDArray[np.complex128]:
