@@ -143,7 +143,8 @@ def errors(results: Sequence[Result]) -> go.Figure:
             figure.add_scatter(x=x, y=y, text=where, mode="markers", marker=marker, name=label)
     figure.update_xaxes(type="log", title_text="error / reference, rms [%]", dtick=1)
     figure.update_yaxes(autorange="reversed")
-    return _finish(figure, 330)
+    beside = {"orientation": "v", "x": 1.01, "y": 1.0, "yanchor": "top"}  # many controllers, many entries
+    return _finish(figure, 400).update_layout(legend=beside)
 
 
 def _complex(plot: dict[str, Any], name: str, at: str = "frequency_Hz") -> tuple[Any, Any]:
