@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from steer_env.envs.layout import LINE_LENGTH, LINES, OBSERVATION_LIMIT, PARAMETERS, STATE, Clock
 from steer_env.envs.period import control_period, set_speed
-from steer_env.physics._jit import compiled, compiled_with
+from steer_env.physics._jit import compiled, compiled_with, named
 from steer_env.physics.control_unit import Observation
 
 Array = NDArray[np.float64]
@@ -169,4 +169,4 @@ def make_rollout(law: Callable[[Observation, Any, Any], Any]) -> Callable[..., i
                 return k + 1
         return int(truths.shape[0])
 
-    return compiled_with(rollout, law)
+    return compiled_with(named(rollout, law.__module__, law), law)

@@ -21,7 +21,7 @@ from steer_env.manoeuvres import (
     step_steer,
 )
 from steer_env.manoeuvres.parameters import ManoeuvreParameters
-from steer_env.physics._jit import scalar
+from steer_env.physics._jit import named, scalar
 from steer_env.physics.driver import Hand
 
 __all__ = ["MANOEUVRES", "Manoeuvre", "ManoeuvreParameters", "hand_at", "kind_of"]
@@ -46,9 +46,7 @@ MANOEUVRES: dict[str, Manoeuvre] = {
     "step_steer": Manoeuvre(step_steer.signal, step_steer.DEFAULT, 2.0),
     "release": Manoeuvre(release.signal, release.DEFAULT, 1.0),
     "random_torque": Manoeuvre(random_torque.signal, random_torque.DEFAULT, 0.0),
-    "constant_speed_cornering": Manoeuvre(
-        constant_speed_cornering.signal, constant_speed_cornering.DEFAULT, None
-    ),
+    "constant_speed_cornering": Manoeuvre(constant_speed_cornering.signal, constant_speed_cornering.DEFAULT, None),
     "standstill": Manoeuvre(standstill.signal, standstill.DEFAULT, 0.0),
 }
 
@@ -65,20 +63,18 @@ def _dispatch(
     number, signal = rows[0]
     if len(rows) == 1:
 
-        @scalar
         def last(kind: float, t: float, p: Any) -> Hand:
             return signal(t, p)
 
-        return last
+        return scalar(named(last, number))
     others = _dispatch(rows[1:])
 
-    @scalar
     def chosen(kind: float, t: float, p: Any) -> Hand:
         if kind == number:
             return signal(t, p)
         return others(kind, t, p)
 
-    return chosen
+    return scalar(named(chosen, number))
 
 
 hand_at = _dispatch([(k, row.signal) for k, row in enumerate(MANOEUVRES.values())])

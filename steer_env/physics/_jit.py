@@ -35,6 +35,16 @@ def scalar(function: F) -> F:
     return register_jitable(error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)(function)
 
 
+def named(function: F, *parts: Any) -> F:
+    """A function that closes over ``parts``, under a name of its own.
+
+    Machine code from the disk cache is linked by name, and numba tells closures of one name apart by
+    a count that starts anew in every process: code cached by two processes would call the wrong one.
+    """
+    function.__qualname__ += "".join(f"_{getattr(part, '__qualname__', part)}" for part in parts)
+    return function
+
+
 def compiled(function: F) -> F:
     """A compiled entry point, cached on disk under a key that follows the sources it is made of."""
     return compiled_with(function)

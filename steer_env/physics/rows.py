@@ -15,7 +15,7 @@ from numba.extending import overload
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
-from steer_env.physics._jit import scalar
+from steer_env.physics._jit import named, scalar
 
 Row = NDArray[np.float64]
 
@@ -36,23 +36,21 @@ def loader(record: Any, start: int) -> Callable[[Row], Any]:
     n = len(record._fields)
     end = start + n
 
-    @scalar
     def load(row: Row) -> Any:
         return record(*fixed_tuple(row[start:end], n))
 
-    return load
+    return scalar(named(load, record, start))
 
 
 def storer(record: Any, start: int) -> Callable[[Row, Any], None]:
     """A function (row, record) that writes the record's fields to row[start:]."""
     n = len(record._fields)
 
-    @scalar
     def store(row: Row, values: Any) -> None:
         for k in range(n):
             row[start + k] = values[k]
 
-    return store
+    return scalar(named(store, record, start))
 
 
 class Layout:
