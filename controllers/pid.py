@@ -1,6 +1,6 @@
 """PID with reference feed-forward and torsion-bar damping: on torque (impedance) or angle error.
 
-Feed-forward (theory.md, section 3): reference (4) minus plant (2) says what the motor must add,
+Feed-forward: reference (4) minus plant (2) says what the motor must add,
 
     i M_mot = (J_pin - J_ref) a + (b_pin - b_ref) w + (M_eff - M_tb) + (M_fric - M_ref,fric)
 

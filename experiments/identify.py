@@ -1,6 +1,6 @@
 """steer-env identify: a measurement campaign becomes a haptic reference.
 
-Writes reference.json (contracts.md, section 2) and report.html; with both modes also reference_shared.json. A drive
+Writes reference.json (docs/formats.md, section 2) and report.html; with both modes also reference_shared.json. A drive
 (kind = "drive") gives drive.json and a report instead, because it has no torsion bar, no rack force and no vehicle.
 """
 

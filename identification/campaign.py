@@ -1,4 +1,4 @@
-"""Measurement campaigns: what was driven, read and checked (contracts.md, section 1).
+"""Measurement campaigns: what was driven, read and checked (docs/formats.md, section 1).
 
 ``read_campaign`` returns runs in SI on an even time axis, or raises ``InputError`` with one message
 that names the file, the row or key, what is wrong, and the mend. Nothing is guessed: whatever was

@@ -1,6 +1,6 @@
 """The time axis of a run: monotonic, without gaps, and made even where it jitters.
 
-Jitter up to 20 % of the step is resampled (contracts.md, section 1) with a cubic spline: linear
+Jitter up to 20 % of the step is resampled (docs/formats.md, section 1) with a cubic spline: linear
 interpolation would take up to (w dt)^2 / 8 of the amplitude, 1.2 % at 5 Hz and 100 Hz sampling.
 """
 
@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from identification.channels import FloatArray
 from steer_env.errors import InputError
 
-JITTER_LIMIT = 0.20  # of the step, contracts.md
+JITTER_LIMIT = 0.20  # of the step, docs/formats.md
 EVEN = 1e-3  # of the step: below this the time counts as even
 STEP_RANGE = (1e-5, 0.1)  # s; assumption: 10 Hz is the least that shows steering dynamics
 MIN_SAMPLES = 20

@@ -1,4 +1,4 @@
-"""What ``campaign.toml`` declares (contracts.md, section 1): checked, no run file opened yet."""
+"""What ``campaign.toml`` declares (docs/formats.md, section 1): checked, no run file opened yet."""
 
 import tomllib
 from collections.abc import Mapping

@@ -1,6 +1,6 @@
 """The channels of a measurement campaign, their units, and the map from the user's names to ours.
 
-Contract: contracts.md, section 1. A stored number becomes ours as
+Contract: docs/formats.md, section 1. A stored number becomes ours as
 
     value in SI = (stored * scale + offset) * factor of the unit,
 
@@ -49,7 +49,7 @@ CHANNELS: dict[str, Channel] = {
     "motor_velocity_radps": Channel("angular rate", 1e3),
 }
 
-# What the steps of each kind read (contracts.md, section 1).
+# What the steps of each kind read (docs/formats.md, section 1).
 KIND_CHANNELS: dict[str, tuple[str, ...]] = {
     "vehicle": tuple(name for name in CHANNELS if not name.startswith(("motor_", "sensor_"))),
     "rig": (

@@ -8,7 +8,7 @@ from steer_env.physics._jit import scalar
 
 # Eq. 14 grows without bound where the identified off-centre stiffness is zero (15 km/h): no data
 # stand behind a gain above about 21 (Table 3, 30 km/h), so the gain stops at twice that. Our
-# assumption, see theory.md section 5.
+# assumption.
 K_ASSIST_MAX = 40.0
 
 

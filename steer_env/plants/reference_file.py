@@ -1,4 +1,4 @@
-"""The identified reference as a file, ``reference.json`` (contracts.md, section 2).
+"""The identified reference as a file, ``reference.json`` (docs/formats.md, section 2).
 
 Inside the program the fields have the paper's names (J_ref); in the file the unit is appended
 (J_ref_kgm2), and standard errors and the values of the paper's own method stand beside a value as

@@ -1,7 +1,7 @@
 """What a reference consists of: one row of parameters per speed, and the vehicle's known numbers.
 
 The names are the paper's (T. Chugh et al., Vehicle System Dynamics, 2019, Tables 2 and 3); the
-file keys (contracts.md, section 2) are these names with the unit appended.
+file keys (docs/formats.md, section 2) are these names with the unit appended.
 """
 
 from typing import Annotated, NamedTuple
