@@ -22,9 +22,9 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 from controllers.blocks import Notch, NotchState, assist_slope, low_pass, notch_step
-from controllers.law import LawController, with_gains
-from controllers.pid_design import bar_notch, total_delay
-from controllers.schedule import Felt, felt_at, schedule_of
+from controllers.hardware import bar_notch, hardware_of, total_delay
+from controllers.law import Gain, LawController, with_gains
+from controllers.schedule import Felt, felt_at
 from controllers.tracking import MotionState, Target, angle_target, gain_at, motion_step, torque_target
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
@@ -34,6 +34,19 @@ from steer_env.units import Quantity
 
 _N = "the plant's nominal value"
 SEEN_COMMANDS = 4  # periods of past commands in an observation
+# What tuning may change, as factors on the design's own values.
+TUNABLE: dict[str, tuple[float, float]] = {
+    "q_bandwidth": (0.1, 5.0),
+    "gain": (0.3, 2.5),
+    "derivative": (0.4, 2.0),
+    "derivative_bandwidth": (0.5, 2.0),
+    "acceleration_bandwidth": (0.3, 2.0),
+    "torque_lag": (0.5, 2.0),
+    "natural": (0.4, 3.0),
+    "damping_ratio": (0.4, 2.0),
+    "inertia_share": (0.3, 3.0),
+    "slope_limit": (0.4, 3.0),
+}
 
 
 class ObserverParameters(NamedTuple):
@@ -139,23 +152,15 @@ def angle_law(o: Observation, x: ObserverState, p: ObserverParameters) -> tuple[
     return pd_loop(angle_target(o, felt, motion, p), lead, motion, felt, o, x, p)
 
 
-def make(plant: Plant, reference: Reference, causality: str, **gains: float) -> LawController:
+def make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> LawController:
     """The controller for a plant; ``gains`` replace fields of ObserverParameters."""
-    s = plant.steering
 
     def for_period(period: float) -> ObserverParameters:
         delay = total_delay(plant, period)
         notch = bar_notch(plant, period)
         stiff = notch != Notch()
         parameters = ObserverParameters(
-            schedule=schedule_of(reference),
-            period=period,
-            motor_ratio=s.motor_ratio,
-            rack_share=plant.rack_share,
-            J_pin=s.J_pin,
-            b_pin=s.b_pin,
-            M_fric=s.M_fric,
-            c_fric=s.c_fric,
+            **hardware_of(plant, reference, period),
             command_age=min(1.0 + plant.sensors.angle_delay + plant.motor.dead_time, SEEN_COMMANDS),
             motor_decay=lag_decay(plant.motor.bandwidth_Hz, period),
             observer_bandwidth=2.0 * math.pi * plant.observer_bandwidth_Hz,

@@ -19,13 +19,28 @@ import math
 from typing import NamedTuple
 
 from controllers.blocks import NotchState, assist_slope, low_pass, notch_step, torque_of
-from controllers.law import LawController, with_gains
+from controllers.law import Gain, LawController, with_gains
 from controllers.pid_design import PidParameters, design
 from controllers.schedule import Felt, felt_at
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
 from steer_env.physics.friction import dahl_step
 from steer_env.plants import Plant, Reference
+
+# What tuning may change, as factors on the design's own values.
+TUNABLE: dict[str, tuple[float, float]] = {
+    "torque_gain": (0.3, 2.5),
+    "torque_integral": (0.1, 10.0),
+    "acceleration_bandwidth": (0.3, 2.0),
+    "derivative_bandwidth": (0.5, 2.0),
+    "bar_damping": (0.5, 1.5),
+    "torque_lag": (0.5, 2.0),
+    "inertia_share": (0.3, 3.0),
+    "slope_limit": (0.4, 3.0),
+    "angle_gain": (0.2, 6.0),
+    "angle_integral": (0.1, 10.0),
+    "angle_derivative": (0.4, 3.0),
+}
 
 CUT = 1e-3  # N m at the motor: a command cut by more than this met a limit, not a rounding
 
@@ -184,7 +199,7 @@ def angle_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pid
     )
 
 
-def make(plant: Plant, reference: Reference, causality: str, **gains: float) -> LawController:
+def make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> LawController:
     """The controller for a plant; ``gains`` replace fields of PidParameters."""
 
     def for_period(period: float) -> PidParameters:
