@@ -154,8 +154,8 @@ def _code() -> bytes:
     digest = hashlib.sha256()
     folders = [root / "steer_env", root / "controllers"]
     files = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
-    names = ("bench_cases", "measures", "metrics", "rollout")
-    files += [root / "experiments" / f"{name}.py" for name in names]
+    for pattern in ("bench_cases.py", "measures*.py", "metrics*.py", "rollout.py"):
+        files += sorted((root / "experiments").glob(pattern))
     for path in [*files, root / "identification" / "frf.py"]:
         digest.update(path.read_bytes())
     return digest.digest()
