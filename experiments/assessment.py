@@ -20,7 +20,7 @@ from experiments.linear_loop import (
     Half,
     closed_loop,
     environment_half,
-    impedance,
+    impedances,
     loop_response,
     modes,
     response,
@@ -32,7 +32,6 @@ from steer_env.envs.layout import PARAMETERS, PERIOD
 from steer_env.envs.task import Task, prepare
 from steer_env.interface import Controller
 from steer_env.physics.driver import Driver
-from steer_env.physics.linear import frequency_response
 from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
 
 Array = NDArray[np.float64]
@@ -53,8 +52,10 @@ class Assessment(NamedTuple):
     the loop opened at the motor's command (experiments.margins), 0 where it is unstable.
     ``arm_radius`` is the smallest factor on the arm's inertia, damping and stiffness together that
     destabilises the loop (4: none up to there; 0: unstable without an arm), ``reference_radius`` the
-    reference's own. ``passivity_gap`` in N m s/rad is min over 0.2-30 Hz of Re Z - Re Z_ref, seen by
-    the hand.
+    reference's own. The passivity gaps in N m s/rad are min over 0.2-30 Hz of Re Z - Re Z_ref, once
+    with the Z that the hand meets at the wheel and once with that of the lower body at the torsion bar.
+    Wheel and bar are passive and the same in both; at the wheel they make sharp peaks, so that a small
+    shift of one shows as a large gap there.
     """
 
     plant: str
@@ -74,6 +75,7 @@ class Assessment(NamedTuple):
     arm_radius: float
     reference_radius: float
     passivity_gap: float
+    bar_passivity_gap: float
 
     @property
     def place(self) -> str:
@@ -88,7 +90,7 @@ class _Surroundings(NamedTuple):
     free: Half
     responses: list[Complexes]
     reference_growths: Array
-    reference_impedance: Complexes
+    reference_impedances: tuple[Complexes, Complexes]
 
 
 _kept: OrderedDict[tuple[object, ...], _Surroundings] = OrderedDict()
@@ -117,8 +119,7 @@ def assess(
     for speed in speeds:
         for point in points:
             place = place_of(told, causality, felt, speed, point, hardware)
-            names = (told.name, causality, float(speed), point)
-            found += [Assessment(*names, *rest) for rest in _at(controller, place, arms)]
+            found += _at(controller, place, arms, (told.name, causality, float(speed)))
     return found
 
 
@@ -149,14 +150,16 @@ def radius(growths: Sequence[float], growth_at: Callable[[float], float]) -> flo
     return high
 
 
-def _at(controller: Controller, place: Place, arms: Mapping[str, Driver]) -> list[tuple[object, ...]]:
-    """Fields of the assessments at a place, arm by arm, from ``arm`` on."""
+def _at(
+    controller: Controller, place: Place, arms: Mapping[str, Driver], names: tuple[str, str, float]
+) -> list[Assessment]:
+    """Assessments at a place, arm by arm; ``names`` are plant, causality and speed in km/h."""
     around = _surroundings(place, tuple(arms.values()))
     law = law_half(controller, place)
     law_response = response(law, OMEGA)
-    rates = modes(closed_loop(around.scaled, law).A)
-    Z = impedance(closed_loop(around.free, law), PASSIVITY_OMEGA)
-    gap = float(np.min((Z - around.reference_impedance).real))
+    rates = modes(closed_loop(around.scaled, law))
+    felt = impedances(closed_loop(around.free, law), PASSIVITY_OMEGA)
+    gaps = [float(np.min((Z - Z_ref).real)) for Z, Z_ref in zip(felt, around.reference_impedances, strict=True)]
     found = []
     for k, (name, arm) in enumerate(arms.items()):
         first = k * len(SCALES)
@@ -169,7 +172,7 @@ def _at(controller: Controller, place: Place, arms: Mapping[str, Driver]) -> lis
 
         def loop_growth(scale: float, arm: Driver = arm) -> float:
             half = environment_half(place, [scaled_arm(arm, scale)])
-            return float(modes(closed_loop(half, law).A)[0][0].real)
+            return float(modes(closed_loop(half, law))[0][0].real)
 
         def own_growth(scale: float, arm: Driver = arm) -> float:
             return float(perfect_tracking.growths(place, [scaled_arm(arm, scale)])[0])
@@ -177,7 +180,11 @@ def _at(controller: Controller, place: Place, arms: Mapping[str, Driver]) -> lis
         radii = radius([r[0].real for r in own], loop_growth), radius(growths.tolist(), own_growth)
         growth, frequency = float(worst.real), float(worst.imag / (2.0 * np.pi))
         stable = growth < 0.0, reference_growth < 0.0
-        found.append((name, growth, frequency, reference_growth, *stable, *values, *radii, gap))
+        found.append(
+            Assessment(
+                *names, place.point, name, growth, frequency, reference_growth, *stable, *values, *radii, *gaps
+            )
+        )
     return found
 
 
@@ -205,7 +212,7 @@ def _surroundings(place: Place, arms: tuple[Driver, ...]) -> _Surroundings:
             environment_half(place, [NO_ARM]),
             [response(_motor_half(scaled, k), OMEGA) for k in range(0, len(tried), len(SCALES))],
             perfect_tracking.growths(place, tried),
-            1.0 / frequency_response(perfect_tracking.tracked(place), PASSIVITY_OMEGA / (2.0 * np.pi))[:, 0, 0],
+            perfect_tracking.impedances(place, PASSIVITY_OMEGA),
         )
         if len(_kept) > KEPT:
             _kept.popitem(last=False)

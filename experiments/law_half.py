@@ -1,9 +1,10 @@
 """The control law's half of the loop: brought to an operating point, then differentiated there.
 
 The law runs compiled through what it would see if everything tracked perfectly on the way to the
-point, its own commands coming back to it as the last ones: while friction slides, a wheel that turns
-steadily; where it sticks, an angle that swings to and fro less and less, which leaves a friction
-model at zero torque as it does friction itself. On centre with friction stuck it is at its start.
+point, the last commands among it: while friction slides, a wheel that turns steadily; where it
+sticks, an angle that swings to and fro less and less, which leaves a friction model at zero torque as
+it does friction itself. On centre with friction stuck it is at its start. At the point its last
+command is what it gave itself: a law that waits while its command is cut does not wait there.
 """
 
 from __future__ import annotations
@@ -20,11 +21,13 @@ from experiments.operating_points import Place
 from steer_env.envs.layout import PERIOD
 from steer_env.interface import Controller, Law, Observation
 from steer_env.physics._jit import compiled_with, named
+from steer_env.physics.rows import fixed_tuple
 
 Array = NDArray[np.float64]
 
 STEP = 1e-7  # of every state and observation, in SI
 SWING, SWING_Hz, SWING_KEPT = 0.05, 20.0, 0.8  # rad, and the share that is left after a cycle
+SEEN = len(Observation._fields)
 SWINGING, QUIET, SLIDING = 3.0, 0.5, 0.8  # s
 
 
@@ -41,7 +44,7 @@ def law_half(controller: Controller, place: Place) -> Half:
 
     def after(moved: Array) -> Array:
         seen = moved[None, m:]
-        torque, new = _driven(law)(rebuild(moved[:m].tolist()), parameters, seen, False)
+        torque, new = _driven(law)(rebuild(moved[:m].tolist()), parameters, seen)
         return np.array([*flat(new)[0], torque])
 
     columns = []
@@ -66,13 +69,13 @@ def settled(controller: Controller, place: Place) -> tuple[Any, Observation]:
     if place.point == "centre_stuck":
         return state, place.observation
     way = approach(place)
-    torque, state = _driven(controller.law)(state, controller.parameters, way[:-1], True)
+    torque, state = _driven(controller.law)(state, controller.parameters, way[:-1])
     last = {f"last_torque_{k + 1}": torque for k in range(COMMANDS)}
     return state, Observation(*way[-1].tolist())._replace(**last)
 
 
 def approach(place: Place) -> Array:
-    """Observations [n, 13] on the way to a place, without last commands; the last is the place's own."""
+    """Observations [n, 13] on the way to a place; the last is the place's own."""
     end = place.observation
     if place.stuck:
         t = PERIOD * np.arange(round((SWINGING + QUIET) / PERIOD))
@@ -93,19 +96,12 @@ def approach(place: Place) -> Array:
 
 @cache
 def _driven(law: Law) -> Callable[..., tuple[float, Any]]:
-    """A compiled run of the law alone: (last torque, state) after observations [n, 13].
+    """A compiled run of the law alone: (last torque, state) after observations [n, 13]."""
 
-    With ``own`` the last torques that it sees are its own, and zero before the first.
-    """
-
-    def driven(state: Any, parameters: Any, observations: Array, own: bool) -> tuple[float, Any]:
-        torque, last_1, last_2, last_3 = 0.0, 0.0, 0.0, 0.0
+    def driven(state: Any, parameters: Any, observations: Array) -> tuple[float, Any]:
+        torque = 0.0
         for k in range(observations.shape[0]):
-            o = observations[k]
-            last = (torque, last_1, last_2, last_3) if own else (o[9], o[10], o[11], o[12])
-            seen = Observation(o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8], *last)
-            last_1, last_2, last_3 = torque, last_1, last_2
-            torque, state = law(seen, state, parameters)
+            torque, state = law(Observation(*fixed_tuple(observations[k], SEEN)), state, parameters)
         return torque, state
 
     return compiled_with(named(driven, law.__module__, law), law)

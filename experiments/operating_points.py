@@ -39,7 +39,7 @@ from steer_env.physics.control_unit import Commands
 from steer_env.physics.driver import Driver
 from steer_env.physics.linear import load_matrices
 from steer_env.physics.plant import PlantState
-from steer_env.physics.reference import ReferenceParameters, ReferenceState, effective_torque
+from steer_env.physics.reference import ReferenceParameters, effective_torque
 from steer_env.physics.sensors import ObserverState
 from steer_env.physics.steering import Steering
 from steer_env.plants import Plant, Reference
@@ -139,7 +139,7 @@ def steepest_torque(speed: float, p: ReferenceParameters, plant: Plant) -> float
 def steady_load(speed: float, p: ReferenceParameters) -> tuple[float, Array]:
     """(Load in N m, car's states [4]) per rad of pinion angle in a steady steer at a speed in m/s."""
     A, B, C, D = load_matrices(speed, p)
-    states = -np.linalg.solve(A, B[:, 0])
+    states: Array = -np.linalg.solve(A, B[:, 0]).astype(np.float64)
     return float(C[0] @ states + D[0, 0]), states
 
 
@@ -183,18 +183,15 @@ def _settle(setup: Setup, state: Array, lines: Array, M_tb: float, rate: float) 
     M_load = rack * car_stiffness * angle
     motor = (M_load + slides * s.M_fric + s.b_pin * rate - M_tb) / s.motor_ratio
     wheel = angle + M_tb / s.c_tb
-    state[STATE["plant"]] = PlantState(
-        wheel, rate, angle, rate, *(real_car * angle), slides * s.M_s_fric, slides * s.M_fric, motor
-    )
+    frictions = slides * s.M_s_fric, slides * s.M_fric
+    state[STATE["plant"]] = [wheel, rate, angle, rate, *(real_car * angle), *frictions, motor]
     sensors = setup.plant.sensors
     seen = angle - rate * PERIOD * sensors.angle_delay
     observer = PARAMETERS.read(setup.row, "observer")
     unknown = M_tb + observer.motor_ratio * motor - observer.b * rate
     state[STATE["observer"]] = ObserverState(seen, rate, unknown)
     admittance = PARAMETERS.read(setup.row, "episode").admittance > 0.5
-    state[STATE["generator"]] = ReferenceState(
-        angle if admittance else seen, rate, *(felt_car * angle), friction, M_eff
-    )
+    state[STATE["generator"]] = [angle if admittance else seen, rate, *(felt_car * angle), friction, M_eff]
     state[STATE["commands"]] = Commands(motor, motor, motor, motor)
     target = angle if admittance else M_tb
     state[STATE["clock"]] = Clock(float(CLOCK), speed, target)

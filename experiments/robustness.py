@@ -1,80 +1,47 @@
-"""Proof before score: margins and coupled stability of a controller from linear models.
+"""Proof before score: what a controller's loops survive, from linear models: steer-env robustness.
 
-Every plant, causality, speed, operating point (experiments.operating_points) and arm gets an
-``Assessment``; ``safe`` makes a ``Gate`` of them. A controller is unsafe where the loop with an arm of
-the grid is unstable although the reference itself, perfectly tracked, is stable with that arm. Where
-the reference is unstable by itself (experiments.perfect_tracking) the place is listed as such.
+    python -m experiments.robustness --quick --controller pid
+
+``assess`` (experiments.assessment) finds growth and margins of every plant, causality, speed,
+operating point and arm; ``safe`` makes a gate of them. A controller is unsafe where the loop with an
+arm of the grid is unstable although the reference itself, perfectly tracked, is stable with that arm.
+Where the reference is unstable by itself (experiments.perfect_tracking) the place is listed as its
+own. The worst places are simulated (experiments.loop_simulation).
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple
+import json
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from itertools import product
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+import click
 
-from experiments import linear_loop, perfect_tracking
-from experiments.law_half import law_half
-from experiments.linear_loop import Half
-from experiments.margins import Margins, margins
-from experiments.operating_points import POINTS, Place, place_of
-from steer_env.envs.layout import PERIOD
-from steer_env.interface import Controller
-from steer_env.physics.driver import Driver
-from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
+import controllers
+from experiments.assessment import SCALES, Assessment, assess
+from experiments.cli_options import common_options, print_json, print_table, progress
+from experiments.linear_loop import AT_REST
+from experiments.loop_simulation import Confirmation, confirm, worst_stuck
+from experiments.margins import DELAY_LIMIT, GAIN_LIMIT_dB
+from steer_env import __version__, atomic
+from steer_env.errors import InputError
+from steer_env.plants import PLANTS, Reference
 
-Array = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-Make = Callable[[Plant, Reference, str], Controller]
+__all__ = ["Assessment", "Gate", "assess", "command", "safe"]
 
-OMEGA = np.geomspace(2.0 * np.pi * 0.05, np.pi / PERIOD, 400)  # rad/s, up to half the sampling frequency
-PASSIVITY_OMEGA = 2.0 * np.pi * np.geomspace(0.2, 30.0, 150)  # rad/s
-SCALES = (0.0, 0.125, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # of the arm, tried for the radius
-HALVINGS = 5  # of the step between two scales
-KEPT = 256  # environments that are kept between controllers
-
-
-class Assessment(NamedTuple):
-    """One loop; ``growth`` in 1/s and ``frequency_Hz`` are those of its fastest growing mode.
-
-    ``reference_growth`` is the perfectly tracked reference's with the same arm. Margins are those of
-    the loop opened at the motor's command, 0 where it is unstable (experiments.margins has limits).
-    ``arm_radius`` is the smallest factor on the arm's inertia, damping and stiffness together that
-    destabilises the loop (4: none up to there; 0: unstable without an arm), ``reference_radius`` the
-    reference's. ``passivity_gap`` in N m s/rad is min over 0.2-30 Hz of Re Z - Re Z_ref at the wheel.
-    """
-
-    plant: str
-    causality: str
-    speed_kmh: float
-    point: str
-    arm: str
-    growth: float
-    frequency_Hz: float
-    reference_growth: float
-    stable: bool
-    reference_stable: bool
-    gain_margin_dB: float
-    phase_margin_deg: float
-    disk_margin: float
-    delay_margin_ms: float
-    arm_radius: float
-    reference_radius: float
-    passivity_gap: float
-
-    @property
-    def place(self) -> str:
-        """Where this is, in words."""
-        return f"{self.plant} {self.causality}, {self.speed_kmh:g} km/h, {self.point}, {self.arm}"
+SCHEMA_VERSION = 1
+QUICK_KMH = 75.0
 
 
 class Gate(NamedTuple):
     """``failures`` are the controller's, ``reference_failures`` the reference's own; the rest is the worst.
 
-    Worst values are taken where the reference is stable; ``arm_radius`` where it is not the
-    reference's own.
+    Worst values are over places where the reference is stable, and ``arm_radius`` over those where it
+    is not the reference that gives out first.
     """
 
     safe: bool
@@ -87,110 +54,152 @@ class Gate(NamedTuple):
     delay_margin_ms: float
     arm_radius: float
     passivity_gap: float
+    bar_passivity_gap: float
 
 
-class _Surroundings(NamedTuple):
-    """What does not depend on the controller: halves [arms x SCALES] and [1, no arm], responses, reference."""
-
-    scaled: Half
-    free: Half
-    responses: list[Complexes]
-    reference_growths: Array
-    reference_impedance: Complexes
-
-
-def assess(
-    make: Make,
-    plant: str | Plant,
-    causality: str,
-    reference: Reference | str = "published",
-    speeds_kmh: Iterable[float] | None = None,
-    arms: Mapping[str, Driver] = DRIVERS,
-    points: Sequence[str] = POINTS,
-    hardware: Plant | None = None,
-) -> list[Assessment]:
-    """Every speed x point x arm of one plant and causality; all speeds of the reference where none is given.
-
-    ``make(plant, reference, causality)`` gives the controller. ``hardware`` is the plant that is really
-    there (``drawn`` from the spread, say) where it is not the one that the controller was made for.
-    """
-    told = PLANTS[plant] if isinstance(plant, str) else plant
-    felt = Reference.load(reference)
-    chosen = [row.speed_kmh for row in felt.file.rows] if speeds_kmh is None else list(speeds_kmh)
-    controller = make(told, felt, causality)
-    found = []
-    for speed in chosen:
-        for point in points:
-            place = place_of(told, causality, felt, speed, point, hardware)
-            found += _assess_place(controller, told.name, causality, speed, place, arms)
-    return found
-
-
-def _assess_place(
-    controller: Controller, plant: str, causality: str, speed_kmh: float, place: Place, arms: Mapping[str, Driver]
-) -> list[Assessment]:
-    around = _surroundings(place, tuple(arms.values()))
-    law = law_half(controller, place)
-    rates = linear_loop.modes(linear_loop.closed_loop(around.scaled, law).A)
-    law_response = linear_loop.response(law, OMEGA)
-    Z = linear_loop.impedance(linear_loop.closed_loop(around.free, law), PASSIVITY_OMEGA)
-    gap = float(np.min((Z - around.reference_impedance).real))
-    found = []
-    for k, (name, arm) in enumerate(arms.items()):
-        own = slice(k * len(SCALES), (k + 1) * len(SCALES))
-        worst = rates[own][SCALES.index(1.0)][0]
-        stable = bool(worst.real < 0.0)
-        values = Margins()
-        if stable:
-            one = Half(*(matrix[own][SCALES.index(1.0)] for matrix in around.scaled))
-            values = _margins(one, law, around.responses[k], law_response, rates[own][SCALES.index(1.0)])
-        reference_growth = float(around.reference_growths[own][SCALES.index(1.0)])
-        found.append(
-            Assessment(
-                plant,
-                causality,
-                speed_kmh,
-                place.point,
-                name,
-                float(worst.real),
-                float(worst.imag / (2.0 * np.pi)),
-                reference_growth,
-                stable,
-                reference_growth < 0.0,
-                *values,
-                _radius([r[0].real for r in rates[own]], arm, lambda scaled: _growth(place, scaled, law)),
-                _radius(
-                    around.reference_growths[own].tolist(),
-                    arm,
-                    lambda scaled: float(perfect_tracking.growths(place, [scaled])[0]),
-                ),
-                gap,
-            )
-        )
-    return found
-
-
-def scaled_arm(arm: Driver, scale: float) -> Driver:
-    """The arm with inertia, damping and stiffness times ``scale``."""
-    return arm._replace(J=scale * arm.J, b=scale * arm.b, k=scale * arm.k)
-
-
-def _surroundings(place: Place, arms: tuple[Driver, ...]) -> _Surroundings:
-    key = (place.parameters.tobytes(), place.state.tobytes(), place.lines.tobytes(), place.point, arms)
-    if key in _KEPT:
-        _KEPT.move_to_end(key)
-        return _KEPT[key]
-    tried = [scaled_arm(arm, scale) for arm in arms for scale in SCALES]
-    scaled = linear_loop.environment_half(place, tried)
-    ones = range(SCALES.index(1.0), len(tried), len(SCALES))
-    made = _Surroundings(
-        scaled,
-        linear_loop.environment_half(place, [perfect_tracking.NO_ARM]),
-        [linear_loop.response(_motor_only(scaled, k), OMEGA) for k in ones],
-        perfect_tracking.growths(place, tried),
-        perfect_tracking.impedance(place, PASSIVITY_OMEGA),
+def safe(assessments: Sequence[Assessment]) -> Gate:
+    """The gate of a controller from its assessments; at least one is needed."""
+    if not assessments:
+        raise InputError("robustness", "there is nothing to judge", "give at least one assessment")
+    judged = [a for a in assessments if a.reference_stable]
+    own = [a.arm_radius for a in judged if a.arm_radius < a.reference_radius]
+    failures = tuple(_words(a) for a in judged if not a.stable)
+    return Gate(
+        safe=not failures,
+        failures=failures,
+        reference_failures=tuple(_words(a) for a in assessments if not a.reference_stable and not a.stable),
+        growth=max((a.growth for a in judged), default=0.0),
+        gain_margin_dB=min((a.gain_margin_dB for a in judged), default=0.0),
+        phase_margin_deg=min((a.phase_margin_deg for a in judged), default=0.0),
+        disk_margin=min((a.disk_margin for a in judged), default=0.0),
+        delay_margin_ms=min((a.delay_margin_ms for a in judged), default=0.0),
+        arm_radius=min(own, default=max(SCALES)),
+        passivity_gap=min((a.passivity_gap for a in judged), default=0.0),
+        bar_passivity_gap=min((a.bar_passivity_gap for a in judged), default=0.0),
     )
-    _KEPT[key] = made
-    if len(_KEPT) > KEPT:
-        _KEPT.popitem(last=False)
-    return made
+
+
+def _words(a: Assessment) -> str:
+    return f"{a.place}: grows by {a.growth:.1f} 1/s at {a.frequency_Hz:.1f} Hz"
+
+
+class System(NamedTuple):
+    """What one process works on: all controllers on one plant and causality."""
+
+    plant: str
+    causality: str
+    names: tuple[str, ...]
+    source: str
+    speeds_kmh: tuple[float, ...]
+
+
+class Findings(NamedTuple):
+    """Of one controller on one plant and causality."""
+
+    controller: str
+    assessments: list[Assessment]
+    confirmation: Confirmation
+
+
+def findings(system: System) -> list[Findings]:
+    """Assess the controllers one after the other and simulate the worst place of each."""
+    reference, plant = Reference.load(system.source), PLANTS[system.plant]
+    found = []
+    for name in system.names:
+
+        def make(*told: Any, name: str = name) -> Any:
+            return controllers.make(name, *told)
+
+        values = assess(make, plant, system.causality, reference, system.speeds_kmh)
+        controller = make(plant, reference, system.causality)
+        found.append(Findings(name, values, confirm(controller, plant, reference, worst_stuck(values))))
+    return found
+
+
+@click.command()
+@click.option("--reference", "source", default="published", show_default=True, metavar="FILE",
+              help='A reference.json, or "published".')  # fmt: skip
+@click.option("--controller", "names", multiple=True, type=click.Choice(list(controllers.CONTROLLERS)),
+              help="Only this one; may be given several times.")  # fmt: skip
+@click.option("--quick", is_flag=True, help=f"Only {QUICK_KMH:g} km/h.")
+@common_options
+def command(
+    source: str, names: tuple[str, ...], quick: bool, out: Path, seed: int, jobs: int, quiet: bool, as_json: bool
+) -> None:
+    """Prove controllers stable before they are scored.
+
+    Growth, gain, phase, disk and delay margins, arms and passivity of every loop: EPAS and
+    steer-by-wire, impedance and admittance, all speeds of the reference, on centre and where the
+    assist is steepest, friction stuck and sliding, all arms. Nothing in it is random. Writes
+    robustness.json.
+    """
+    speeds = [row.speed_kmh for row in Reference.load(source).file.rows]
+    chosen = (QUICK_KMH,) if quick else tuple(speeds)
+    chosen_names = names or tuple(controllers.CONTROLLERS)
+    systems = [
+        System(plant, causality, chosen_names, source, chosen)
+        for plant, causality in product(PLANTS, controllers.CAUSALITIES)
+    ]
+    with progress("robustness", total=len(systems), quiet=quiet) as advance:
+        found: list[list[Findings]] = []
+        for done in _each(systems, jobs):
+            found.append(done)
+            advance(note=done[0].confirmation.plant)
+    summary = summary_of(found, source)
+    atomic.write_text(out / "robustness.json", json.dumps(summary, indent=1, allow_nan=False) + "\n")
+    if as_json:
+        print_json({k: v for k, v in summary.items() if k != "assessments"})
+    else:
+        print_table(*short_table(found), title=f"All values: {out / 'robustness.json'}")
+
+
+def _each(systems: Sequence[System], jobs: int) -> Any:
+    if jobs == 1:
+        yield from map(findings, systems)
+        return
+    # A forked child would share locks that its parent's threads hold.
+    with ProcessPoolExecutor(min(jobs, len(systems)), mp_context=get_context("spawn")) as pool:
+        yield from pool.map(findings, systems)
+
+
+def summary_of(found: Sequence[Sequence[Findings]], source: str) -> dict[str, Any]:
+    """What robustness.json holds: gates, assessments and confirmations, as lists of plain records."""
+    every = [one for system in found for one in system]
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "software_version": __version__,
+        "reference": source,
+        "limits": {
+            "gain_margin_dB": GAIN_LIMIT_dB,
+            "delay_margin_ms": 1e3 * DELAY_LIMIT,
+            "arm_radius": max(SCALES),
+            "slowest_mode_per_s": AT_REST,
+        },
+        "gates": [
+            {"controller": f.controller, "plant": f.confirmation.plant, "causality": f.confirmation.causality,
+             **safe(f.assessments)._asdict()}
+            for f in every
+        ],
+        "confirmations": [{"controller": f.controller, **f.confirmation._asdict()} for f in every],
+        "assessments": [{"controller": f.controller, **a._asdict()} for f in every for a in f.assessments],
+    }  # fmt: skip
+
+
+def short_table(found: Sequence[Sequence[Findings]]) -> tuple[list[str], list[list[object]]]:
+    """Columns and rows of the table on stdout: one row per controller, plant and causality."""
+    columns = ["plant", "causality", "controller", "1/s", "GM dB", "PM deg", "disk", "delay ms", "arm x",
+               "gap Nms/rad", "verdict"]  # fmt: skip
+    rows: list[list[object]] = []
+    for f in (one for system in found for one in system):
+        gate = safe(f.assessments)
+        verdict = "safe" if gate.safe else f"unsafe at {len(gate.failures)}: {gate.failures[0].split(', ', 1)[1]}"
+        rows.append(
+            [f.confirmation.plant, f.confirmation.causality, f.controller, *(f"{v:.1f}" for v in gate[3:6]),
+             f"{gate.disk_margin:.2f}", f"{gate.delay_margin_ms:.1f}", f"{gate.arm_radius:.2f}",
+             f"{gate.bar_passivity_gap:.1f}", verdict]
+        )  # fmt: skip
+    return columns, rows
+
+
+if __name__ == "__main__":
+    command()

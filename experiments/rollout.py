@@ -56,7 +56,7 @@ def run(
     periods = setup.periods + round(settle / PERIOD)
     signals = np.zeros((periods, len(Truth._fields)))
     controller.reset(PERIOD)
-    ran = _rollout_of(controller.law)(
+    ran = rollout_of(controller.law)(
         controller.state(),
         controller.parameters,
         first_observation(setup),
@@ -73,5 +73,6 @@ def run(
 
 
 @cache
-def _rollout_of(law: Law) -> Callable[..., int]:
+def rollout_of(law: Law) -> Callable[..., int]:
+    """The compiled episode around a law; see ``batch.make_rollout``."""
     return batch.make_rollout(law)
