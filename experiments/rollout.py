@@ -63,7 +63,7 @@ def run(
     if hasattr(controller, "law"):
         rows = (parameters[0], states[0], lines[0], setup.table, setup.car_table)
         start = (controller.state(), controller.parameters, first_observation(setup))
-        ran = _rollout_of(controller.law)(*start, noise, *rows, signals)
+        ran = rollout_of(controller.law)(*start, noise, *rows, signals)
     else:
         ran = _step_by_step(controller, setup, noise, (parameters, states, lines), signals)
     unstable = signals[ran - 1, Truth._fields.index("unstable")] > 0.5
@@ -90,5 +90,6 @@ def _step_by_step(
 
 
 @cache
-def _rollout_of(law: Law) -> Callable[..., int]:
+def rollout_of(law: Law) -> Callable[..., int]:
+    """The compiled episode around a law; see ``batch.make_rollout``."""
     return batch.make_rollout(law)
