@@ -70,6 +70,13 @@ def test_without_motion_or_time_nothing_can_be_told():
     assert np.isnan(free_control(motion, motion, RELEASE, PERIOD)).all()
 
 
+def test_a_motion_that_grows_has_no_numbers():
+    """The reference's own damping is negative at 15 km/h: with a soft bar and no hands the ideal drive diverges."""
+    growing = held_then(lambda t: np.exp(5.0 * t) * np.cos(60.0 * t))
+    assert np.isnan(free_control(growing, growing, RELEASE, PERIOD)).all()
+    assert np.isnan(free_control(np.where(growing > 10.0, np.inf, growing), growing, RELEASE, PERIOD)).all()
+
+
 def test_a_trial_looks_from_the_release_on():
     """The hand of the release manoeuvre lets go at 3.5 s: what swings before does not count."""
     t = PERIOD * np.arange(1, 9501) - 3.5

@@ -14,6 +14,7 @@ from steer_env.envs.task import Task, prepare
 from steer_env.manoeuvres import MANOEUVRES, hand_at, kind_of
 from steer_env.physics import linear
 from steer_env.plants import PLANTS, Reference
+from tests.experiments.trials import sine, trial
 
 
 def driven(plant, causality, manoeuvre, law="pid", speed_kmh=75.0, driver="relaxed", linear_reference=False, **options):
@@ -55,8 +56,8 @@ def test_one_law_has_one_felt_torque_in_both_causalities():
 @pytest.mark.parametrize("randomise", [(), ("car",)])
 def test_the_car_at_the_true_angle_is_the_true_car(randomise):
     """Catches the reference's car in place of the one that is driven, and a speed that stands still."""
-    trial = driven("SbW", "admittance", "frequency_response", speed_kmh=(60.0, 90.0), duration=5.0, randomise=randomise)
-    episode = trial.episode
+    options = {"speed_kmh": (60.0, 90.0), "duration": 5.0, "randomise": randomise}
+    episode = driven("SbW", "admittance", "frequency_response", **options).episode
     found = metrics_ideal.car_acceleration(episode, episode["pinion_angle"])
     assert np.abs(found - episode["lateral_acceleration"]).max() < 1e-3 * np.abs(found).max()
 
@@ -93,6 +94,19 @@ def test_the_ideal_drive_is_linear_theory_where_all_is_linear():
     assert np.abs(found["steering_angle"] - wheel).max() < 2e-4 * np.abs(wheel).max()
 
 
+def test_in_admittance_the_car_follows_the_ideal_angle():
+    """Half the angle for the same torque is half the lateral acceleration: twice the gradient, half the return."""
+    x, _ = sine(21.5)
+    torque = 8.0 * x + np.sign(np.gradient(x))
+    signals = {"pinion_angle": 0.3 * x, "torsion_bar_torque": torque, "reference": 0.15 * x}
+    driven_car = metrics_ideal.car_acceleration(trial("steady_state", "admittance", **signals).episode, 0.3 * x)
+    found = score(trial("steady_state", "admittance", lateral_acceleration=driven_car, **signals))
+    assert found["torque_gradient_0g_reference"] == pytest.approx(2.0 * found["torque_gradient_0g"], rel=1e-6)
+    assert found["returnability_reference"] == pytest.approx(0.5 * found["returnability"], rel=1e-6)
+    assert found["torque_0g_reference"] == pytest.approx(found["torque_0g"], rel=1e-6)
+    assert found["average_stiffness_reference"] == pytest.approx(2.0 * found["average_stiffness"], rel=1e-6)
+
+
 @pytest.mark.parametrize("plant", list(PLANTS))
 def test_a_good_controller_comes_near_the_ideal_drive(plant):
     """The complete reference with friction and assist, arm and hand: within 2 % of what a controller achieves."""
@@ -118,9 +132,7 @@ def test_the_release_has_a_target():
 def test_no_metric_raises_on_a_short_or_idle_episode(manoeuvre, causality):
     """Warnings are errors here: catches a division by what an odd but legitimate episode leaves at zero."""
     for driver, amplitude, duration in (("relaxed", None, 0.3), ("relaxed", 0.0, 6.0), ("hands_off", None, 6.0)):
-        trial = driven(
-            "SbW", causality, manoeuvre, "open_loop_map", driver=driver, amplitude=amplitude, duration=duration
-        )
-        found = score(trial)
+        options = {"driver": driver, "amplitude": amplitude, "duration": duration}
+        found = score(driven("SbW", causality, manoeuvre, "open_loop_map", **options))
         assert all(isinstance(value, float) for value in found.values())
         assert np.isfinite(found["tracking_error"])

@@ -7,6 +7,8 @@ from experiments import measures
 from experiments.metrics import score
 from tests.experiments.trials import answered, chirp, trial
 
+FELT = ("pinion_angle", "torsion_bar_torque", "steering_torque")
+
 
 def test_the_thresholds_fit_each_other():
     """15 % is 1.2 dB, and a phase whose complex error is 15 % is 8.6 deg."""
@@ -56,6 +58,9 @@ def test_beyond_5_hz_only_what_is_excited_counts():
     assert found["frf_magnitude_fast"] == pytest.approx(20.0 * np.log10(1.1), rel=0.02)
     assert found["frf_phase_fast"] == pytest.approx(0.36 * np.sqrt(np.sum(f) / np.sum(1.0 / f)), rel=0.02)
     assert np.isnan(found["frf_magnitude"]), "nothing below 5 Hz was driven"
+    torque = chirp()
+    tones = trial("random_torque", linear=True, **dict.fromkeys(FELT, torque))
+    assert 3.8 < tones.slow_response.frequency.max() <= 4.0, "its highest tone"
 
 
 def test_what_is_incoherent_is_dropped():
