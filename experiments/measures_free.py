@@ -12,6 +12,7 @@ from steer_env.units import to_deg
 
 SETTLED = 0.05  # share of the angle at the release within which the wheel counts as settled
 END_S = 0.1  # s at the end whose mean is where the wheel comes to rest
+THROWN = 10.0  # times the angle at the release: the wheel was thrown, nothing settles
 LEAST_SWING = 0.02  # share of the yaw rate at the release; smaller swings are creep and noise
 
 
@@ -33,12 +34,15 @@ UNKNOWN = FreeControl(*[math.nan] * 4)
 def free_control(angle: Array, yaw_rate: Array, release: int, dt: float) -> FreeControl:
     """Read the four numbers off steering angle [n] in rad and yaw rate [n] in rad/s; ``release``: last sample held.
 
-    Settling is to 5 % of the angle at the release, about where the wheel comes to rest.
+    Settling is to 5 % of the angle at the release, about where the wheel comes to rest. All NaN where the record ends
+    too soon, where nothing was steered, and where the motion grows without bound.
     """
     end = round(END_S / dt)
     if angle.size < release + 2 * end or angle[release] == 0.0 or yaw_rate[release] == 0.0:
         return UNKNOWN
     share = angle[release:] / angle[release]
+    if not np.abs(share).max() < THROWN:
+        return UNKNOWN
     rest = float(share[-end:].mean())
     outside = np.flatnonzero(np.abs(share - rest) > SETTLED)
     return FreeControl(

@@ -49,9 +49,8 @@ def _energy_gap(t: Trial) -> float:
     return measures.energy_gap(t.episode["torsion_bar_torque"], t.felt, t.episode["pinion_rate"], PERIOD)
 
 
-def _held(t: Trial) -> Array:
-    """Driver's torque while he holds the wheel: letting go is a jump of his own making."""
-    return t.episode["steering_torque"][: t.released + 1]
+def _hand(t: Trial) -> Array:
+    return t.episode["steering_torque"][t.held]
 
 
 def _peak_to_peak(t: Trial) -> float:
@@ -100,16 +99,16 @@ METRICS: dict[str, Metric] = {
     "ripple": Metric("N m", "rms torsion-bar torque above 20 Hz", ANY, lambda t: rms(t.ripple)),
     "ripple_peak_to_peak": Metric("N m", "range of torsion-bar torque above 20 Hz", ANY, _peak_to_peak),
     "hand_ripple": Metric(
-        "N m", "rms driver torque above 20 Hz, while he holds the wheel", ANY,
-        lambda t: rms(measures.high_passed(_held(t), RIPPLE_HZ, PERIOD)),
+        "N m", "rms driver torque above 20 Hz, while he steers", ANY,
+        lambda t: rms(measures.high_passed(_hand(t), RIPPLE_HZ, PERIOD)),
     ),
     "jerk": Metric(
         "N m/s", "rms rate of the torsion-bar torque", ANY,
         lambda t: rms(np.diff(t.episode["torsion_bar_torque"]) / PERIOD),
     ),
     "hand_jerk": Metric(
-        "N m/s", "rms rate of the driver torque, while he holds the wheel", ANY,
-        lambda t: rms(np.diff(_held(t)) / PERIOD),
+        "N m/s", "rms rate of the driver torque, while he steers", ANY,
+        lambda t: rms(np.diff(_hand(t)) / PERIOD),
     ),
     "effort": Metric("N m", "rms motor torque", ANY, lambda t: rms(t.episode["motor_torque"])),
     "motor_power": Metric("W", "mean |motor torque x shaft rate|", ANY, _power),

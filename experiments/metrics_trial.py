@@ -25,6 +25,7 @@ FAST_BAND_HZ = (5.0, 30.0)  # what is felt beyond the fastest steering, where a 
 FAST_LINES_HZ = (4.9, 30.1)  # and a little to either side, as the slow band's lines have it
 REQUIRED_BAND_HZ = (0.2, 4.0)  # where 1.5 dB and 10 deg against the linear reference are asked for
 RIPPLE_HZ = 20.0  # what moves faster is ripple, not steering
+EDGE_S = 0.1  # two periods of that: what a filter needs at the ends of a record
 LOOP_HZ = 5.0  # what a 0.2 Hz loop keeps of its signals: noise would move its crossings
 LOOP_STEP = 2  # and then every second sample says the same in half the time
 
@@ -182,6 +183,16 @@ class Trial:
         return min(round((self.episode.part("manoeuvre").lead_in + HOLD_TIME) / PERIOD) - 1, last)
 
     @cached_property
+    def held(self) -> slice:
+        """Samples in which the driver steers, without EDGE_S at either end.
+
+        A hand that sets off, stops or lets go at once is a jump in his torque of his own making.
+        """
+        p = self.episode.part("manoeuvre")
+        end = min(p.lead_in + p.duration, (self.released + 1) * PERIOD)
+        return slice(round((p.lead_in + EDGE_S) / PERIOD), round((end - EDGE_S) / PERIOD))
+
+    @cached_property
     def free(self) -> FreeControl:
         """What the wheel did after the release."""
         return free_control(self.episode["steering_angle"], self.episode["yaw_rate"], self.released, PERIOD)
@@ -194,8 +205,9 @@ class Trial:
 
     @cached_property
     def ripple(self) -> Array:
-        """Torsion-bar torque [n] in N m above RIPPLE_HZ."""
-        return measures.high_passed(self.episode["torsion_bar_torque"], RIPPLE_HZ, PERIOD)
+        """Torsion-bar torque [n] in N m above RIPPLE_HZ, without the two ends, where the filter still settles."""
+        edge = round(EDGE_S / PERIOD)
+        return measures.high_passed(self.episode["torsion_bar_torque"], RIPPLE_HZ, PERIOD)[edge:-edge]
 
 
 @dataclass
