@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import perfect_tracking
+from experiments.arm_radius import SCALES, radius, scaled_arm
 from experiments.law_half import law_half
 from experiments.linear_loop import (
     Half,
@@ -38,10 +39,9 @@ Array = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Make = Callable[[Plant, Reference, str], Controller]
 
-OMEGA = np.geomspace(2.0 * np.pi * 0.05, np.pi / PERIOD, 400)  # rad/s, up to half the sampling frequency
+OMEGA = np.geomspace(2.0 * np.pi * 0.01, np.pi / PERIOD, 400)  # rad/s, up to half the sampling frequency
+BESIDE = np.arange(-2.0, 3.0)  # half widths of a mode's peak, at which it is looked at too
 PASSIVITY_OMEGA = 2.0 * np.pi * np.geomspace(0.2, 30.0, 150)  # rad/s
-SCALES = (1.0, 0.0, 0.125, 0.25, 0.5, 1.5, 2.0, 3.0, 4.0)  # of an arm; the first is the arm itself
-HALVINGS = 5  # of the step between two scales
 KEPT = 256  # places that are kept
 
 
@@ -103,21 +103,25 @@ def assess(
     reference: Reference | str = "published",
     speeds_kmh: Iterable[float] | None = None,
     arms: Mapping[str, Driver] = DRIVERS,
-    points: Sequence[str] = POINTS,
+    points: Sequence[str] | None = None,
     hardware: Plant | None = None,
 ) -> list[Assessment]:
     """Every speed x point x arm of a plant and causality; without speeds, all of the reference.
+
+    A linear reference has its one slope everywhere, so its points are those on centre.
 
     ``make(plant, reference, causality)`` gives the controller. ``hardware`` is the plant that is really
     there (one ``drawn`` from the spread, say) where it is not what the controller was made for.
     """
     told = PLANTS[plant] if isinstance(plant, str) else plant
     felt = Reference.load(reference)
+    chosen = points or (POINTS[:2] if felt.linear else POINTS)
     speeds = [row.speed_kmh for row in felt.file.rows] if speeds_kmh is None else speeds_kmh
     controller = make(told, felt, causality)
+    controller.reset(PERIOD)
     found = []
     for speed in speeds:
-        for point in points:
+        for point in chosen:
             place = place_of(told, causality, felt, speed, point, hardware)
             found += _at(controller, place, arms, (told.name, causality, float(speed)))
     return found
@@ -128,26 +132,6 @@ def drawn(plant: Plant, rng: np.random.Generator) -> Plant:
     row = prepare(Task(plant, randomise="plant"), rng, PERIOD).row
     parts = {name: PARAMETERS.read(row, name) for name in ("steering", "motor", "sensors")}
     return replace(plant, **parts)
-
-
-def scaled_arm(arm: Driver, scale: float) -> Driver:
-    """The arm with inertia, damping and stiffness times ``scale``."""
-    return arm._replace(J=scale * arm.J, b=scale * arm.b, k=scale * arm.k)
-
-
-def radius(growths: Sequence[float], growth_at: Callable[[float], float]) -> float:
-    """The smallest scale that destabilises, of the growths at SCALES; halved between two of them."""
-    pairs = sorted(zip(SCALES, growths, strict=True))
-    unstable = [k for k, (_, growth) in enumerate(pairs) if growth >= 0.0]
-    if not unstable:
-        return pairs[-1][0]
-    if unstable[0] == 0:
-        return 0.0
-    low, high = pairs[unstable[0] - 1][0], pairs[unstable[0]][0]
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if growth_at(middle) >= 0.0 else (middle, high)
-    return high
 
 
 def _at(
@@ -181,19 +165,22 @@ def _at(
         growth, frequency = float(worst.real), float(worst.imag / (2.0 * np.pi))
         stable = growth < 0.0, reference_growth < 0.0
         found.append(
-            Assessment(
-                *names, place.point, name, growth, frequency, reference_growth, *stable, *values, *radii, *gaps
-            )
+            Assessment(*names, place.point, name, growth, frequency, reference_growth, *stable, *values, *radii, *gaps)
         )
     return found
 
 
 def _margins(loop: Complexes, environment: Half, law: Half, rates: Complexes) -> Margins:
-    """Margins over OMEGA and, so that no sharp peak is missed, over the loop's own modes."""
-    peaks = rates.imag[(rates.imag > OMEGA[0]) & (rates.imag < OMEGA[-1])]
-    extra = loop_response(response(environment, peaks), response(law, peaks))
-    omega, order = np.unique(np.concatenate([OMEGA, peaks]), return_index=True)
-    return margins(np.concatenate([loop, extra])[order], omega)
+    """Margins over OMEGA and, so that no sharp peak is missed, around the loop's own modes.
+
+    Against ten times as many frequencies this is within 1 % nearly everywhere and never 10 % off.
+    """
+    sharp = rates[np.abs(rates.real) < 0.5 * rates.imag]
+    extra = (sharp.imag[:, None] + BESIDE * np.abs(sharp.real[:, None])).ravel()
+    extra = extra[(extra > OMEGA[0]) & (extra < OMEGA[-1])]
+    peaks = loop_response(response(environment, extra), response(law, extra))
+    omega, order = np.unique(np.concatenate([OMEGA, extra]), return_index=True)
+    return margins(np.concatenate([loop, peaks])[order], omega)
 
 
 def _motor_half(scaled: Half, k: int) -> Half:

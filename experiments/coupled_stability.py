@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from experiments import linear_loop
 from experiments.law_half import law_half
 from experiments.operating_points import place_of
+from steer_env.envs.layout import PERIOD
 from steer_env.envs.task import Task
 from steer_env.interface import Controller
 from steer_env.plants import DRIVERS, PLANTS, Reference
@@ -27,5 +28,6 @@ def modes(task: Task, controller: Controller) -> NDArray[np.complex128]:
     speed = task.speed_kmh if isinstance(task.speed_kmh, (int, float)) else task.speed_kmh[0]
     reference = Reference.load(task.reference, task.linear)
     place = place_of(plant, task.causality, reference, speed, "centre_stuck")
+    controller.reset(PERIOD)
     environment = linear_loop.environment_half(place, [driver])
     return linear_loop.modes(linear_loop.closed_loop(environment, law_half(controller, place)))[0]

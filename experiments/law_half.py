@@ -32,7 +32,7 @@ SWINGING, QUIET, SLIDING = 3.0, 0.5, 0.8  # s
 
 
 def law_half(controller: Controller, place: Place) -> Half:
-    """The controller about a place: inputs MEASURED, output the motor's target of the period to come.
+    """The controller, just reset, about a place: inputs MEASURED, output the motor's target of the period to come.
 
     States: the law's own and the last commands. A period's target follows from what was seen in the
     period before, so D is zero.
@@ -63,8 +63,7 @@ def law_half(controller: Controller, place: Place) -> Half:
 
 
 def settled(controller: Controller, place: Place) -> tuple[Any, Observation]:
-    """(State of the law at a place, what it sees there next)."""
-    controller.reset(PERIOD)
+    """(State of the law at a place, what it sees there next); the controller has just been reset."""
     state = controller.state()
     if place.point == "centre_stuck":
         return state, place.observation

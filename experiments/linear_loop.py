@@ -157,9 +157,7 @@ def _delayed(place: Place) -> list[tuple[int, int]]:
     return [(line, age) for line, delay in enumerate(delays) for age in range(1, int(delay) + 1)]
 
 
-def _one_period(
-    commands: Array, rows: Array, states: Array, lines: Array, place: Place
-) -> tuple[Array, Array]:
+def _one_period(commands: Array, rows: Array, states: Array, lines: Array, place: Place) -> tuple[Array, Array]:
     """Run one noise-free period of all; rows change in place; (observations [..., 13], truths [..., t])."""
     n = commands.size
     observations, truths = np.zeros((n, len(Observation._fields))), np.zeros((n, len(Truth._fields)))

@@ -25,8 +25,8 @@ from steer_env.plants import DRIVERS, Plant, Reference
 
 Array = NDArray[np.float64]
 
-KICK, LINEAR = 1e-7, (1e-12, 1e-3)  # rad/s of the wheel; where the difference is neither lost nor large
-CYCLES, WINDOWS_S = 2.0, (0.02, 0.25)  # cycles that are averaged over, within these times
+KICK, LINEAR = 1e-8, (1e-13, 1e-3)  # rad/s of the wheel; where the difference is neither lost nor large
+CYCLES, WINDOWS_S = 1.0, (0.02, 0.25)  # cycles that are averaged over, within these times
 FELT_KICK = 0.3  # rad/s
 SECONDS, LAST = 5.0, 1.0  # s of a run, and of its end that is looked at
 LEAST_WINDOWS = 4  # to fit a rate of growth to
@@ -55,6 +55,7 @@ class Confirmation(NamedTuple):
 
 def confirm(controller: Controller, plant: Plant, reference: Reference, found: Assessment) -> Confirmation:
     """Simulate the place of an assessment (friction stuck) with an arm out of DRIVERS."""
+    controller.reset(PERIOD)
     place = place_of(plant, found.causality, reference, found.speed_kmh, found.point)
     arm = DRIVERS[found.arm]
     simulated = simulated_growth(controller, place, arm, found.frequency_Hz)
@@ -78,9 +79,7 @@ def worst_stuck(found: list[Assessment]) -> Assessment:
     return max((a for a in found if a.point.endswith("stuck")), key=lambda a: a.growth)
 
 
-def simulated_growth(
-    controller: Controller, place: Place, arm: Driver, frequency_Hz: float = 0.0
-) -> float | None:
+def simulated_growth(controller: Controller, place: Place, arm: Driver, frequency_Hz: float = 0.0) -> float | None:
     """Rate of growth in 1/s of a small difference between two runs; None where it is lost too soon.
 
     The size of the difference in both bodies' rates is averaged over cycles of ``frequency_Hz``; the

@@ -2,7 +2,7 @@
 
     gain    the smallest factor on L, up or down, that brings it through -1
     phase   the smallest turn of L that does
-    disk    alpha = 1 / max |S - T| / 2 with S = 1 / (1 + L) and T = 1 - S: gain and phase may change
+    disk    alpha = 2 / max |S - T| with S = 1 / (1 + L) and T = 1 - S: gain and phase may change
             together, by factors from (2 - alpha) / (2 + alpha) to its inverse, or by
             2 atan(alpha / 2) (Seiler, Packard, Gahinet, IEEE Control Systems 40(5), 2020)
     delay   the smallest extra delay that does, looked for up to DELAY_LIMIT
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 GAIN_LIMIT_dB = 40.0  # what stands for a margin that no gain uses up
+REAL = 0.01  # share of the imaginary part up to which the end of a response is real
 DELAY_LIMIT = 6e-3  # s, the same for delays
 
 
@@ -57,8 +58,8 @@ def _gains(L: NDArray[np.complex128]) -> list[float]:
     cut = np.flatnonzero(np.signbit(im[:-1]) != np.signbit(im[1:]))
     share = im[cut] / (im[cut] - im[cut + 1])
     crossings = re[cut] + share * (re[cut + 1] - re[cut])
-    # The ends count too: a response ends in a real number at half the sampling frequency.
-    ends = [L[k].real for k in (0, -1) if abs(L[k].imag) < 1e-6 * abs(L[k].real)]
+    # Where a response ends in a real number (no frequency, half the sampling frequency) that counts too.
+    ends = [L[k].real for k in (0, -1) if abs(L[k].imag) < REAL * abs(L[k].real)]
     found = [abs(20.0 * math.log10(-x)) for x in (*crossings.tolist(), *ends) if x < 0.0]
     return [gain for gain in found if gain < GAIN_LIMIT_dB]
 

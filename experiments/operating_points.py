@@ -202,9 +202,7 @@ def _settle(setup: Setup, state: Array, lines: Array, M_tb: float, rate: float) 
     lines[LINES.index("torque"), past] = M_tb
     lines[LINES.index("motor_torque"), past] = motor
     target_rate = rate if admittance else 0.0
-    observation = Observation(
-        seen, rate, 0.0, M_tb, target, target_rate, 0.0, M_eff, speed, motor, motor, motor, motor
-    )
+    observation = Observation(seen, rate, 0.0, M_tb, target, target_rate, 0.0, M_eff, speed, motor, motor, motor, motor)
     return M_tb + slides * s.M_s_fric + s.b_s * rate, observation
 
 

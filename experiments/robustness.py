@@ -3,16 +3,15 @@
     python -m experiments.robustness --quick --controller pid
 
 ``assess`` (experiments.assessment) finds growth and margins of every plant, causality, speed,
-operating point and arm; ``safe`` makes a gate of them. A controller is unsafe where the loop with an
-arm of the grid is unstable although the reference itself, perfectly tracked, is stable with that arm.
-Where the reference is unstable by itself (experiments.perfect_tracking) the place is listed as its
-own. The worst places are simulated (experiments.loop_simulation).
+operating point and arm; ``safe`` (experiments.stability_gate) makes a gate of them, and the
+worst places are simulated (experiments.loop_simulation).
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from multiprocessing import get_context
@@ -22,65 +21,20 @@ from typing import Any, NamedTuple
 import click
 
 import controllers
-from experiments.assessment import SCALES, Assessment, assess
+from experiments.arm_radius import SCALES
+from experiments.assessment import Assessment, assess
 from experiments.cli_options import common_options, print_json, print_table, progress
 from experiments.linear_loop import AT_REST
 from experiments.loop_simulation import Confirmation, confirm, worst_stuck
 from experiments.margins import DELAY_LIMIT, GAIN_LIMIT_dB
+from experiments.stability_gate import Gate, safe
 from steer_env import __version__, atomic
-from steer_env.errors import InputError
 from steer_env.plants import PLANTS, Reference
 
 __all__ = ["Assessment", "Gate", "assess", "command", "safe"]
 
 SCHEMA_VERSION = 1
 QUICK_KMH = 75.0
-
-
-class Gate(NamedTuple):
-    """``failures`` are the controller's, ``reference_failures`` the reference's own; the rest is the worst.
-
-    Worst values are over places where the reference is stable, and ``arm_radius`` over those where it
-    is not the reference that gives out first.
-    """
-
-    safe: bool
-    failures: tuple[str, ...]
-    reference_failures: tuple[str, ...]
-    growth: float
-    gain_margin_dB: float
-    phase_margin_deg: float
-    disk_margin: float
-    delay_margin_ms: float
-    arm_radius: float
-    passivity_gap: float
-    bar_passivity_gap: float
-
-
-def safe(assessments: Sequence[Assessment]) -> Gate:
-    """The gate of a controller from its assessments; at least one is needed."""
-    if not assessments:
-        raise InputError("robustness", "there is nothing to judge", "give at least one assessment")
-    judged = [a for a in assessments if a.reference_stable]
-    own = [a.arm_radius for a in judged if a.arm_radius < a.reference_radius]
-    failures = tuple(_words(a) for a in judged if not a.stable)
-    return Gate(
-        safe=not failures,
-        failures=failures,
-        reference_failures=tuple(_words(a) for a in assessments if not a.reference_stable and not a.stable),
-        growth=max((a.growth for a in judged), default=0.0),
-        gain_margin_dB=min((a.gain_margin_dB for a in judged), default=0.0),
-        phase_margin_deg=min((a.phase_margin_deg for a in judged), default=0.0),
-        disk_margin=min((a.disk_margin for a in judged), default=0.0),
-        delay_margin_ms=min((a.delay_margin_ms for a in judged), default=0.0),
-        arm_radius=min(own, default=max(SCALES)),
-        passivity_gap=min((a.passivity_gap for a in judged), default=0.0),
-        bar_passivity_gap=min((a.bar_passivity_gap for a in judged), default=0.0),
-    )
-
-
-def _words(a: Assessment) -> str:
-    return f"{a.place}: grows by {a.growth:.1f} 1/s at {a.frequency_Hz:.1f} Hz"
 
 
 class System(NamedTuple):
@@ -153,11 +107,13 @@ def command(
         print_table(*short_table(found), title=f"All values: {out / 'robustness.json'}")
 
 
-def _each(systems: Sequence[System], jobs: int) -> Any:
+def _each(systems: Sequence[System], jobs: int) -> Iterator[list[Findings]]:
     if jobs == 1:
         yield from map(findings, systems)
         return
-    # A forked child would share locks that its parent's threads hold.
+    # Small matrices: threads inside each process would only wait for each other. A forked child would
+    # share locks that its parent's threads hold.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with ProcessPoolExecutor(min(jobs, len(systems)), mp_context=get_context("spawn")) as pool:
         yield from pool.map(findings, systems)
 
