@@ -111,7 +111,7 @@ def command(
     names = [*_shipped(only), *own]
     for name in own:
         controllers.maker(name)  # a misspelt name ends here, not after minutes
-    total = len(cases_of(names, Protocol.load(), quick)) + len(names)
+    total = len(cases_of(names, Protocol.load(), quick)) + 4  # and the proof of four systems
     with progress("benchmark", total=total, quiet=quiet) as advance:
         summary = benchmark(
             names, reference, quick=quick, seed=seed, jobs=jobs, out=out, ray=ray, advance=advance
