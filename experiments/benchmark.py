@@ -50,7 +50,8 @@ def benchmark(
     """Everything the benchmark finds, as written to scores.json (and to ``out``, if given).
 
     ``names`` are rows of CONTROLLERS, FILE.py:NAME, or pairs (name, make) with a make(plant,
-    reference, causality) -> Controller of your own.
+    reference, causality) -> Controller of your own. The proof works with ``jobs`` processes: a script
+    that asks for more than one must guard its main part by ``if __name__ == "__main__"``.
     """
     protocol, chosen = Protocol.load(), reference or Reference.load("published")
     makers = {pair[0]: pair[1] for pair in names if not isinstance(pair, str)}
