@@ -109,9 +109,8 @@ def assess(
     """Every speed x point x arm of a plant and causality; without speeds, all of the reference.
 
     ``make(plant, reference, causality)`` gives the controller. ``hardware`` is the plant that is really
-    there (one ``drawn`` from the spread, say) where it
-    is not what the controller was made for. A linear reference has one slope everywhere: without
-    points, those on centre are enough for it.
+    there (one ``drawn`` from the spread, say) where it is not what the controller was made for. A linear
+    reference has one slope everywhere: without points, those on centre are enough for it.
     """
     told = PLANTS[plant] if isinstance(plant, str) else plant
     felt = Reference.load(reference)
