@@ -2,24 +2,34 @@
 
 To add a controller, write ``my_law.py`` with
 
-    make(plant: Plant, reference: Reference, causality: str, **gains: float) -> Controller
+    make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> Controller
+    TUNABLE: dict[str, tuple[float, float]]    what tuning may change: gain -> (low, high) factor
 
-and add a row to CONTROLLERS. ``gains`` replace fields of the law's parameter record by name. A law
-is a pure function ``(observation, state, parameters) -> (motor torque in N m at the motor's shaft,
-new state)`` marked ``@scalar``: plain Python on a bench, compiled in a rollout, the same bits in
-both. State is a NamedTuple of floats, so are the parameters except for one array, the reference
-over speed. ``law.LawController`` makes a ``Controller`` of the three. Limits sit after a
-controller, in the motor and in the rig's safety layer, never inside.
+and add a row to CONTROLLERS. ``gains`` replace fields of the law's parameter record by name; a
+``law.Factor`` multiplies the field instead. A law is a pure function ``(observation, state,
+parameters) -> (motor torque in N m at the motor's shaft, new state)`` marked ``@scalar``: plain
+Python on a bench, compiled in a rollout, the same bits in both. State is a NamedTuple of floats, so
+are the parameters except for arrays such as the reference over speed. ``law.LawController`` makes a
+``Controller`` of the three. Limits sit after a controller, in the motor and in the rig's safety
+layer, never inside.
 
 Tests run over the table: protocol, determinism, reset forgets, finite, odd, Python = compiled, and
-a stable closed loop with every driver on every plant. ``experiments.coupled_stability`` gives the
-eigenvalues of that loop for the design.
+a stable closed loop with every driver on every plant. Gains come from controllers/tuned where
+``steer-env tune`` has made a file, else from the law's own design formulas.
+
+A controller need not be in the table: ``make("my_file.py:MyLaw", ...)`` takes ``MyLaw`` out of a
+file and calls it as ``make`` above.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
+from typing import Any
 
+from controllers import tuning
+from controllers.law import Gain
+from controllers.own import is_own, load_own
 from steer_env.errors import InputError
 from steer_env.interface import Controller
 from steer_env.plants import Plant, Reference
@@ -34,14 +44,32 @@ CONTROLLERS: dict[str, str] = {
 
 CAUSALITIES = ("impedance", "admittance")
 
-__all__ = ["CAUSALITIES", "CONTROLLERS", "make"]
+__all__ = ["CAUSALITIES", "CONTROLLERS", "make", "maker"]
 
 
-def make(name: str, plant: Plant, reference: Reference, causality: str, **gains: float) -> Controller:
-    """A controller by its name, for a plant, a reference and "impedance" or "admittance"."""
-    if name not in CONTROLLERS:
-        raise InputError("controller", f"{name!r} is not known", f"use one of {', '.join(CONTROLLERS)}")
+def make(
+    name: str, plant: Plant, reference: Reference, causality: str, *, tuned: bool = True, **gains: Gain
+) -> Controller:
+    """A controller by its name, for a plant, a reference and "impedance" or "admittance".
+
+    ``tuned`` takes the shipped gains, where there are some, for what ``gains`` does not name.
+    """
     if causality not in CAUSALITIES:
         raise InputError("causality", f"{causality!r} is not known", f"use one of {', '.join(CAUSALITIES)}")
-    controller: Controller = import_module(CONTROLLERS[name]).make(plant, reference, causality, **gains)
+    shipped = tuning.gains_for(name, plant.name, causality) if tuned and name in CONTROLLERS else {}
+    controller: Controller = maker(name)(plant, reference, causality, **{**shipped, **gains})
     return controller
+
+
+def maker(name: str) -> Callable[..., Any]:
+    """The function that makes a controller: of a row of CONTROLLERS, or of FILE.py:NAME."""
+    if is_own(name):
+        return load_own(name)
+    if name not in CONTROLLERS:
+        raise InputError(
+            "controller",
+            f"{name!r} is not known",
+            f"use one of {', '.join(CONTROLLERS)}, or FILE.py:NAME for your own",
+        )
+    make_it: Callable[..., Any] = import_module(CONTROLLERS[name]).make
+    return make_it

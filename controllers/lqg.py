@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from controllers.blocks import Notch, NotchState, low_pass, notch_step
-from controllers.kalman import Estimate, aged_command, carried_on, corrected
-from controllers.law import LawController, with_gains
+from controllers.blocks import Notch, NotchState, aged_command, low_pass, notch_step
+from controllers.hardware import bar_notch, hardware_of, total_delay
+from controllers.kalman import Estimate, carried_on, corrected
+from controllers.law import Gain, LawController, with_gains
 from controllers.lqg_design import Design, design
-from controllers.pid_design import bar_notch, total_delay
-from controllers.schedule import felt_at, schedule_of
+from controllers.schedule import felt_at
 from controllers.tracking import MotionState, Target, angle_target, motion_step, torque_target
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
@@ -29,6 +29,20 @@ from steer_env.units import Quantity
 
 _N = "the plant's nominal value"
 CUT = 1e-3  # N m at the motor: a command cut by more than this met a limit, not a rounding
+# What tuning may change, as factors on the design's own values.
+TUNABLE: dict[str, tuple[float, float]] = {
+    "effort": (0.2, 5.0),
+    "corner": (0.1, 10.0),
+    "hand": (0.1, 10.0),
+    "load": (0.1, 10.0),
+    "acceleration_bandwidth": (0.3, 2.0),
+    "target_bandwidth": (0.4, 3.0),
+    "rate_share": (0.2, 2.0),
+    "natural": (0.4, 3.0),
+    "damping_ratio": (0.4, 2.0),
+    "inertia_share": (0.3, 3.0),
+    "slope_limit": (0.4, 3.0),
+}
 
 
 class LqgParameters(NamedTuple):
@@ -45,6 +59,9 @@ class LqgParameters(NamedTuple):
     b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
     M_fric: Annotated[float, Quantity("N m", "lower-body friction", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
+    slope_limit: Annotated[float, Quantity("-", "assist slope beyond which the angle yields", 1.0, 50.0, "assumption")]
+    command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
+    motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]
     periods_ahead: Annotated[float, Quantity("periods", "from the sensors to the command's action", 0, 4, _N)]
     acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
@@ -63,7 +80,6 @@ class LqgParameters(NamedTuple):
     gain: Annotated[float, Quantity("-", "for the target's inertia", 0.0, 3.0, "assumption")] = 1.0
     damping_ratio: Annotated[float, Quantity("-", "of the angle's return", 0.0, 3.0, "assumption")] = 0.9
     inertia_share: Annotated[float, Quantity("-", "share of J_pin cancelled outright", 0.0, 1.0, "assumption")] = 0.3
-    slope_limit: Annotated[float, Quantity("-", "slope beyond which a_ref fades", 1.0, 50.0, "assumption")] = 12.0
     notch: Notch = Notch()
 
 
@@ -132,7 +148,7 @@ def angle_law(o: Observation, x: LqgState, p: LqgParameters) -> tuple[float, Lqg
     return lqg_loop(angle_target(o, felt, motion, p), x.known_3, o.torsion_bar_torque, p.target_lag, motion, o, x, p)
 
 
-def make(plant: Plant, reference: Reference, causality: str, **gains: float) -> LawController:
+def make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> LawController:
     """The controller for a plant; ``gains`` replace fields of LqgParameters."""
     s = plant.steering
 
@@ -143,14 +159,7 @@ def make(plant: Plant, reference: Reference, causality: str, **gains: float) -> 
         weights = {name: gains[name] for name in Design._fields if name in gains}
         chosen, found = design(plant, causality, period, delay, weights)
         parameters = LqgParameters(
-            schedule=schedule_of(reference),
-            period=period,
-            motor_ratio=s.motor_ratio,
-            rack_share=plant.rack_share,
-            J_pin=s.J_pin,
-            b_pin=s.b_pin,
-            M_fric=s.M_fric,
-            c_fric=s.c_fric,
+            **hardware_of(plant, reference, period),
             c_tb=s.c_tb,
             periods_ahead=min(plant.sensors.angle_delay + plant.motor.dead_time, 3.0),
             acceleration_bandwidth=0.5 / delay if active else 1.0 / delay,
@@ -161,6 +170,6 @@ def make(plant: Plant, reference: Reference, causality: str, **gains: float) -> 
             **chosen._asdict(),
             **found,
         )
-        return with_gains(parameters, gains, "lqg")
+        return with_gains(parameters, {k: v for k, v in gains.items() if k not in weights}, "lqg")
 
     return LawController(torque_law if causality == "impedance" else angle_law, for_period, LqgState())

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
 from controllers.blocks import Notch
-from controllers.pid_design import bar_notch
+from controllers.hardware import bar_notch
+from controllers.law import Gain, with_gains
 from steer_env.physics.linear import plant_matrices
 from steer_env.plants import Plant
 
@@ -35,12 +36,12 @@ def discrete(A: Matrix, B: Matrix, period: float) -> tuple[Matrix, Matrix]:
 
 
 def design(
-    plant: Plant, causality: str, period: float, delay: float, weights: Mapping[str, float]
+    plant: Plant, causality: str, period: float, delay: float, weights: Mapping[str, Gain]
 ) -> tuple[Design, dict[str, Any]]:
     """(Weights, parameters of LqgParameters that follow from them)."""
     stiff = bar_notch(plant, period) != Notch()
     soft = 4.0 if causality == "impedance" else 3.0
-    chosen = Design(effort=0.1 if stiff else soft, corner=0.01 / delay)._replace(**weights)
+    chosen = with_gains(Design(effort=0.1 if stiff else soft, corner=0.01 / delay), weights, "lqg")
     A, B, C, _ = plant_matrices(plant.steering, plant.motor, HAND_INERTIA)
     A, B = np.asarray(A), np.asarray(B)
     # Hand torque and unknown load as states that wander.

@@ -23,8 +23,8 @@ from controllers.blocks import (
     notch_step,
     torque_of,
 )
-from controllers.law import LawController, with_gains
-from controllers.pid_design import bar_notch, total_delay
+from controllers.hardware import bar_notch, total_delay
+from controllers.law import Gain, LawController, with_gains
 from controllers.schedule import Felt, felt_at, schedule_of
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
@@ -33,6 +33,17 @@ from steer_env.plants import Plant, Reference
 from steer_env.units import Quantity
 
 _N = "the plant's nominal value"
+# What tuning may change, as factors on the design's own values.
+TUNABLE: dict[str, tuple[float, float]] = {
+    "lead": (0.3, 3.0),
+    "lead_bandwidth": (0.4, 2.5),
+    "boost_limit": (0.6, 3.0),
+    "gain_limit": (0.4, 3.0),
+    "slow_bandwidth": (0.2, 5.0),
+    "damping": (0.1, 4.0),
+    "inertia_share": (0.3, 3.0),
+    "friction_share": (0.3, 2.0),
+}
 
 
 class MapParameters(NamedTuple):
@@ -126,7 +137,7 @@ def angle_map_law(o: Observation, x: MapState, p: MapParameters) -> tuple[float,
     return -torque / p.motor_ratio, MapState(0.0, 0.0, 0.0, friction, o.pinion_angle, notch)
 
 
-def make(plant: Plant, reference: Reference, causality: str, **gains: float) -> LawController:
+def make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> LawController:
     """The map for a plant; ``gains`` replace fields of MapParameters."""
     s = plant.steering
 

@@ -7,11 +7,10 @@ a constant divided by T_d.
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, NamedTuple
 
-from controllers.blocks import Notch, notch
-from controllers.schedule import schedule_of
+from controllers.blocks import Notch
+from controllers.hardware import bar_notch, hardware_of, total_delay
 from steer_env.plants import Plant, Reference
 from steer_env.units import Quantity
 
@@ -25,9 +24,6 @@ TORQUE_INTEGRAL = 0.01  # corner of the torque integral
 ANGLE_DAMPING = 0.9  # damping ratio of the angle loop
 HAND_LAG = 1.2  # lag of the compensated hand torque where the torque sensor is stiff, in T_d
 INTEGRAL_SHARE = 0.1  # corner of the angle integral as a share of the natural frequency
-ACTIVE_DAMPING_LIMIT = 1.5  # rad of phase lost in T_d; a mode beyond it is notched, not damped
-NOTCH_DEPTH, NOTCH_WIDTH = 0.1, 1.3  # holds c_tb within 30 % and J_pin within 25 % of nominal
-NOTCH_HAND = 0.03  # kg m2 on the wheel that the notch is tuned for; arms move the mode by 6 %
 
 
 class PidParameters(NamedTuple):
@@ -42,6 +38,8 @@ class PidParameters(NamedTuple):
     b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
     M_fric: Annotated[float, Quantity("N m", "lower-body friction that is compensated", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
+    command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
+    motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]
     acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
     derivative_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1.5 / T_d, or 1 / lag")]
@@ -72,27 +70,6 @@ class PidParameters(NamedTuple):
     notch: Notch = Notch()
 
 
-def total_delay(plant: Plant, period: float) -> float:
-    """T_d in s: sensor latency, computation, dead time, hold and current loop."""
-    sensors, motor = plant.sensors, plant.motor
-    periods = max(sensors.angle_delay, sensors.torque_delay) + motor.dead_time + 1.5
-    return periods * period + 1.0 / (2.0 * math.pi * motor.bandwidth_Hz)
-
-
-def bar_frequency(plant: Plant) -> float:
-    """Torsion-bar mode in rad/s: wheel with a light hand against the lower body."""
-    s = plant.steering
-    return math.sqrt(s.c_tb * (1.0 / s.J_pin + 1.0 / (s.J_s + NOTCH_HAND)))
-
-
-def bar_notch(plant: Plant, period: float) -> Notch:
-    """Notch at the torsion-bar (torque sensor) mode where it is too fast to be damped actively."""
-    frequency = bar_frequency(plant)
-    if frequency * total_delay(plant, period) <= ACTIVE_DAMPING_LIMIT:
-        return Notch()
-    return notch(frequency, NOTCH_DEPTH, NOTCH_WIDTH, period)
-
-
 def design(plant: Plant, reference: Reference, period: float) -> PidParameters:
     """Parameters for a plant and a reference at a control period in s."""
     s = plant.steering
@@ -101,15 +78,8 @@ def design(plant: Plant, reference: Reference, period: float) -> PidParameters:
     stiff = bar != Notch()
     natural = ANGLE / delay
     return PidParameters(
-        schedule=schedule_of(reference),
-        period=period,
+        **hardware_of(plant, reference, period),
         delay=delay,
-        motor_ratio=s.motor_ratio,
-        rack_share=plant.rack_share,
-        J_pin=s.J_pin,
-        b_pin=s.b_pin,
-        M_fric=s.M_fric,
-        c_fric=s.c_fric,
         c_tb=s.c_tb,
         acceleration_bandwidth=ACCELERATION / delay,
         # A derivative of 1 / lag times the lag makes a plain first-order lag of the hand's torque.
@@ -118,7 +88,6 @@ def design(plant: Plant, reference: Reference, period: float) -> PidParameters:
         torque_lag=HAND_LAG * delay if stiff else 0.0,
         bar_damping=0.0 if stiff else 1.0,
         inertia_share=0.3,
-        slope_limit=12.0,
         torque_gain=1.0,
         torque_integral=TORQUE_INTEGRAL / delay,
         angle_gain=natural * natural,
