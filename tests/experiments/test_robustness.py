@@ -103,17 +103,22 @@ def test_what_the_reference_cannot_do_is_not_held_against_a_controller():
         safe([])
 
 
-def test_an_admittance_off_centre_at_parking_speed_is_the_controllers_own_fault():
-    """30 km/h at the steepest assist: the reference is stable there, pid's angle loop is not, and the car is thrown."""
-    found = pid_at("EPAS", "admittance", [30.0], points=["peak_stuck"])
+@pytest.mark.parametrize(("factor", "thrown"), [(1.3, False), (5.0, True)])
+def test_an_unsafe_place_is_unsafe_in_the_program_too(factor, thrown):
+    """pid with its gain margin of 1.5 dB used up grows as the eigenvalue says, until friction holds it in a limit
+    cycle that a hand feels; five times too strong it throws the wheel."""
+    plant, wrong = PLANTS["EPAS"], spoilt(factor)
+    found = assess(wrong, plant, "impedance", REFERENCE, [75.0], points=["centre_stuck"])
     gate = safe(found)
     assert len(gate.failures) == len(DRIVERS)
     assert not gate.reference_failures
-    plant = PLANTS["EPAS"]
-    seen = confirm(controllers.make("pid", plant, REFERENCE, "admittance"), plant, REFERENCE, worst_stuck(found))
-    assert seen.agrees
-    assert seen.thrown
-    assert seen.simulated_growth == pytest.approx(seen.growth, rel=0.05)
+    seen = confirm(wrong(plant, REFERENCE, "impedance"), plant, REFERENCE, worst_stuck(found))
+    assert seen.thrown == thrown
+    if not thrown:
+        right = confirm(spoilt()(plant, REFERENCE, "impedance"), plant, REFERENCE, worst_stuck(found))
+        assert seen.left_Nm > max(0.05, 4.0 * right.left_Nm)
+        assert seen.agrees
+        assert seen.simulated_growth == pytest.approx(seen.growth, rel=0.05)
 
 
 def test_a_law_that_does_not_look_at_the_reference_does_not_care_what_it_is():
