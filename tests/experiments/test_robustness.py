@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import controllers
 from controllers.law import LawController
-from experiments.assessment import Assessment, assess, drawn
+from experiments.assessment import Assessment, assess
 from experiments.loop_simulation import confirm, worst_stuck
 from experiments.robustness import command, safe
 from steer_env.errors import InputError
@@ -133,14 +133,9 @@ def test_a_law_that_does_not_look_at_the_reference_does_not_care_what_it_is():
 
 
 def test_hardware_that_is_not_what_the_controller_was_told():
-    """Draws stay inside the spread, wait 1 to 3 periods, and change what is found; the nominal one does not."""
+    """A draw that is late by more than the delay margin is unstable; the nominal plant as hardware changes nothing."""
     nominal, rng = PLANTS["EPAS"], np.random.default_rng(1)
-    draws = [drawn(nominal, rng) for _ in range(20)]
-    for name, (low, high) in nominal.spread.items():
-        part, field = name.split(".")
-        ratios = [getattr(getattr(d, part), field) / getattr(getattr(nominal, part), field) for d in draws]
-        assert low <= min(ratios) < max(ratios) <= high
-    assert {d.motor.dead_time for d in draws} == {1.0, 2.0, 3.0}
+    draws = [nominal.drawn(rng) for _ in range(20)]
     arms = {"relaxed": DRIVERS["relaxed"]}
     one, same, other = (
         pid_at("EPAS", "impedance", [75.0], arms=arms, points=["centre_stuck"], hardware=hardware)[0]
