@@ -1,12 +1,11 @@
 """The loop as two linear halves, each the program's own function differentiated at an operating point.
 
-Environment (``control_period`` behind ``step_batch``, here): torque target of the motor and torque of the
-hand in, what the control unit measures out. Law (experiments.law_half): what is
-measured in, target out. The law's half also keeps the last four commands, which it sees as ``last_torque_1`` to ``_4``:
-so the loop opens between control unit and motor, where a motor's gain error or more dead time sits.
-The environment's half depends on the arm and not on the controller, the law's the other way round;
-both halves are kept per process. The torque that the control unit counts as its motor's is the true
-one, as in the program.
+Environment (``control_period`` behind ``step_batch``, here): torque target of the motor and torque of
+the hand in, what the control unit measures out. Law (experiments.law_half): what is measured in,
+target out. The law's half also keeps the last four commands, which it sees as ``last_torque_1`` to
+``_4``: so the loop opens between control unit and motor, where a motor's gain error or more dead time
+sits. The environment's half depends on the arm and not on the controller, the law's the other way
+round. The torque that the control unit counts as its motor's is the true one, as in the program.
 
 All is in periods of PERIOD s: x+ = A x + B u, y = C x + D u, and z = exp(j w PERIOD).
 """
