@@ -6,8 +6,8 @@ reference exactly. With the linear reference and sliding friction the loop is li
 mean square error is that of the LQG optimum: state feedback and Kalman filter from two Riccati
 equations. It counts no friction and no non-linear assist, so what a real loop reaches lies above it.
 
-The hand's torque is noise of the spectrum of the random_torque manoeuvre: falling as 1/f from its
-lowest tone up to its highest. Its rms is the manoeuvre's. Effort is weighted only so far that three
+The hand's torque is noise, flat up to HAND_HZ and falling beyond (the band in which responses are scored,
+all of it excited at once), with the rms of the random_torque manoeuvre. Effort is weighted only so far that three
 times the motor's rms torque stays inside its rating. Each controller's error is that of its own
 linear loop under the same hand and the same noise, from a Lyapunov equation: its distance to the
 limit is the ratio of the two. Errors are in JND: 15 % of the reference's own rms.
@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
-from scipy.signal import butter, cont2discrete
+from scipy.signal import cont2discrete
 
 import controllers
 from experiments.bench_cases import Maker
@@ -38,6 +38,7 @@ from steer_env.plants import DRIVERS, PLANTS, Reference
 
 Array = NDArray[np.float64]
 
+HAND_HZ = 5.0  # the highest frequency that is scored
 ARMS = ("one_hand_light", "relaxed", "tense")
 TRUTHS = ("error", "reference", "motor_torque")
 ERROR, WANTED, MOTOR_TORQUE = range(3)
@@ -93,7 +94,7 @@ def limits(
         }
         for speed, arm in product(speeds_kmh, arms):
             place = place_of(PLANTS[plant], causality, linear, speed, "centre_sliding")
-            problem = problem_of(place, DRIVERS[arm])
+            problem = problem_of(place, DRIVERS[arm], PLANTS[plant].motor.rated_torque)
             least, share = optimum(problem)
             reached = {
                 name: reached_by(problem, law_half(controller, place))
@@ -104,8 +105,8 @@ def limits(
     return found
 
 
-def problem_of(place: Place, arm: Driver) -> Problem:
-    """The loop at a place with an arm; sensors must have a latency of a period or more."""
+def problem_of(place: Place, arm: Driver, rating: float) -> Problem:
+    """The loop at a place with an arm and a motor of a rating in N m; its sensors must be a period late or more."""
     environment = environment_half(place, [arm], (*PARTS, "judge"), TRUTHS)
     A, B, C, D = (matrix[0] for matrix in environment)
     n, memory = len(A), delayed(place)
@@ -129,27 +130,23 @@ def problem_of(place: Place, arm: Driver) -> Problem:
         seen[row, first + memory.index((line, int(late)))] = 1.0
     outputs = np.hstack([C, D[:, HAND, None] * h])
     observed, truths = np.split(outputs, [len(MEASURED)])
-    rating = PARAMETERS.read(place.parameters, "motor").rated_torque
     return Problem(environment, wide, drive, noise, truths, seen, observed, rating)
 
 
 def hand_spectrum() -> tuple[Array, Array, Array]:
-    """(F [m, m], g [m], h [m]) of the hand's torque h x in N m with x+ = F x + g w, w white.
-
-    The power of the random_torque manoeuvre's tones (1/f each, evenly spaced over log f) falls as
-    1/f^2: a lag at the lowest tone, cut by a second-order low-pass at the highest.
-    """
-    p = MANOEUVRES["random_torque"].parameters
-    w = 2.0 * np.pi * np.array([p.frequency, p.frequency_end])
-    b, a = butter(2, w[1], analog=True)
-    num, den = b * w[0], np.polymul(a, [1.0, w[0]])
-    companion = np.vstack([-den[1:] / den[0], np.eye(len(den) - 1)[:-1]])
-    out = np.zeros(len(companion))
-    out[-len(num) :] = num / den[0]
-    F, G, h, _, _ = cont2discrete((companion, np.eye(len(out))[:, :1], out[None, :], np.zeros((1, 1))), PERIOD)
+    """(F [m, m], g [m], h [m]) of the hand's torque h x in N m with x+ = F x + g w, w white."""
+    A, B, C, D = butter_states()
+    F, G, h, _, _ = cont2discrete((A, B, C, D), PERIOD)
+    rms = 0.5 * MANOEUVRES["random_torque"].parameters.amplitude
     variance = float((h @ solve_discrete_lyapunov(F, G @ G.T) @ h.T)[0, 0])
-    rms = p.amplitude / np.sqrt(2.0) / np.sqrt(2.0)  # as the manoeuvre's docstring has it: amplitude / 2
     return np.asarray(F), np.asarray(G[:, 0]) * rms / np.sqrt(variance), np.asarray(h[0])
+
+
+def butter_states() -> tuple[Array, Array, Array, Array]:
+    """A second-order Butterworth low-pass in state space, its states a torque and its rate over the corner."""
+    w = 2.0 * np.pi * HAND_HZ
+    A = w * np.array([[0.0, 1.0], [-1.0, -np.sqrt(2.0)]])
+    return A, w * np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
 
 
 def optimum(problem: Problem) -> tuple[float, float]:
