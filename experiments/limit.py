@@ -31,10 +31,10 @@ from experiments.law_half import law_half
 from experiments.linear_loop import HAND, MEASURED, MOTOR, PARTS, Half, delayed, environment_half
 from experiments.measures import JND
 from experiments.operating_points import Place, place_of
-from steer_env.envs.layout import LINES, PARAMETERS, PERIOD
+from steer_env.envs.layout import LINES, PERIOD
 from steer_env.manoeuvres import MANOEUVRES
 from steer_env.physics.driver import Driver
-from steer_env.plants import DRIVERS, PLANTS, Reference
+from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
 
 Array = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def limits(
         }
         for speed, arm in product(speeds_kmh, arms):
             place = place_of(PLANTS[plant], causality, linear, speed, "centre_sliding")
-            problem = problem_of(place, DRIVERS[arm], PLANTS[plant].motor.rated_torque)
+            problem = problem_of(place, DRIVERS[arm], PLANTS[plant])
             least, share = optimum(problem)
             reached = {
                 name: reached_by(problem, law_half(controller, place))
@@ -105,13 +105,13 @@ def limits(
     return found
 
 
-def problem_of(place: Place, arm: Driver, rating: float) -> Problem:
-    """The loop at a place with an arm and a motor of a rating in N m; its sensors must be a period late or more."""
+def problem_of(place: Place, arm: Driver, hardware: Plant) -> Problem:
+    """The loop at a place with an arm; the sensors of ``hardware`` must be a period late or more."""
     environment = environment_half(place, [arm], (*PARTS, "judge"), TRUTHS)
     A, B, C, D = (matrix[0] for matrix in environment)
     n, memory = len(A), delayed(place)
     first = n - len(memory)  # what the delay lines hold comes last
-    sensors = PARAMETERS.read(place.parameters, "sensors")
+    sensors = hardware.sensors
     angle, torque = LINES.index("angle"), LINES.index("torque")
     F, g, h = hand_spectrum()
     m = len(F)
@@ -130,7 +130,7 @@ def problem_of(place: Place, arm: Driver, rating: float) -> Problem:
         seen[row, first + memory.index((line, int(late)))] = 1.0
     outputs = np.hstack([C, D[:, HAND, None] * h])
     observed, truths = np.split(outputs, [len(MEASURED)])
-    return Problem(environment, wide, drive, noise, truths, seen, observed, rating)
+    return Problem(environment, wide, drive, noise, truths, seen, observed, hardware.motor.rated_torque)
 
 
 def hand_spectrum() -> tuple[Array, Array, Array]:
