@@ -4,7 +4,7 @@ Estimate, bridge over the delay and targets are lqg's (controllers.twist, contro
 differs is what follows. Each period the motor's commands over the next 33 periods are chosen that
 cost least,
 
-    sum (M_tb - M_wanted)^2 + ((command - held) / effort)^2 + (smoothness x change)^2,
+    sum (M_tb - M_wanted)^2 + ((command - held) / effort)^2,
 
 by a model of the bar and the motor, among those that the motor can follow: none beyond its rated
 torque, no change faster than its slew rate (controllers.mpc_design has the programme, mpc_moves its
@@ -34,10 +34,16 @@ from steer_env.plants import Plant, Reference
 from steer_env.units import Quantity
 
 _N = "the plant's nominal value"
+# Bandwidth of the lagged target times T_d, by causality and whether the bar is too stiff for active damping.
+BANDWIDTH = {
+    ("impedance", False): 0.25,
+    ("impedance", True): 0.8,
+    ("admittance", False): 0.8,
+    ("admittance", True): 0.42,
+}
 # What tuning may change, as factors on the design's own values.
 TUNABLE: dict[str, tuple[float, float]] = {
     "effort": (0.2, 5.0),
-    "smoothness": (0.1, 10.0),
     "hand": (0.1, 10.0),
     "load": (0.1, 10.0),
     "acceleration_bandwidth": (0.3, 2.0),
@@ -58,8 +64,8 @@ class MpcParameters(NamedTuple):
     correction: Any  # float64 [7, 2]: Kalman gain on torque and angle
     outputs: Any  # float64 [2, 7]
     H: Any  # float64 [n, n] and so on: mpc_design.Programme of n moves
-    slopes: Any  # float64 [n, 4]
-    best: Any  # float64 [n, 4]
+    slopes: Any  # float64 [n, 3]
+    best: Any  # float64 [n, 3]
     increments: Any  # float64 [n, n]
     spans: Any  # float64 [n]
     period: Annotated[float, Quantity("s", "control period", 1e-5, 0.05, "the loop's own")]
@@ -74,11 +80,10 @@ class MpcParameters(NamedTuple):
     c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]
     periods_ahead: Annotated[float, Quantity("periods", "from the sensors to the command's action", 0, 4, _N)]
     acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
-    natural: Annotated[float, Quantity("rad/s", "return of the angle", 0.1, 500.0, "assumption: 0.075 / T_d")]
-    target_bandwidth: Annotated[float, Quantity("rad/s", "lag of the target", 1.0, 1e4, "assumption: 0.8 / T_d")]
+    natural: Annotated[float, Quantity("rad/s", "return of the angle", 0.1, 500.0, "assumption: 0.19 / T_d")]
+    target_bandwidth: Annotated[float, Quantity("rad/s", "lag of the target", 1.0, 1e4, "assumption: BANDWIDTH / T_d")]
     target_lag: Annotated[float, Quantity("-", "share of lagged target, admittance", 0.0, 1.0, "1 where notched")]
     effort: Annotated[float, Quantity("-", "command per torque error, a weight", 0.01, 1e3, "assumption")]
-    smoothness: Annotated[float, Quantity("-", "torque error per change of command, a weight", 0.0, 1e3, "assumption")]
     hand: Annotated[float, Quantity("N m/s", "wander of the hand's torque, per root s", 0.01, 1e5, "assumption")]
     load: Annotated[float, Quantity("N m/s", "wander of the unknown load, per root s", 0.01, 1e5, "assumption")]
     rate_share: Annotated[float, Quantity("-", "share of the target's rate", 0.0, 1.0, "assumption")] = 0.5
@@ -152,19 +157,20 @@ def make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> L
     def for_period(period: float) -> MpcParameters:
         delay = total_delay(plant, period)
         notch = bar_notch(plant, period)
-        active = causality == "impedance" and notch == Notch()
+        stiff = notch != Notch()
         weights = {name: gains[name] for name in Design._fields if name in gains}
-        chosen, found = design(plant, causality, period, delay, weights)
+        chosen, found = design(plant, causality, period, weights)
+        calm = causality == "impedance" and not stiff
         parameters = MpcParameters(
             **hardware_of(plant, reference, period),
             rated_torque=motor.rated_torque,
             slew_rate=motor.slew_rate,
             c_tb=s.c_tb,
             periods_ahead=min(plant.sensors.angle_delay + motor.dead_time, 3.0),
-            acceleration_bandwidth=0.5 / delay if active else 1.0 / delay,
-            natural=0.075 / delay,
-            target_bandwidth=0.25 / delay if active else 1.0 / (1.2 * delay),
-            target_lag=0.0 if notch == Notch() else 1.0,
+            acceleration_bandwidth=0.5 / delay if calm else 1.0 / delay,
+            natural=0.19 / delay,
+            target_bandwidth=BANDWIDTH[causality, stiff] / delay,
+            target_lag=1.0 if stiff else 0.0,
             notch=notch,
             **chosen._asdict(),
             **found,

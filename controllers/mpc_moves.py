@@ -71,29 +71,28 @@ def next_command(
 ) -> tuple[float, float]:
     """(Motor command in N m, active limits) for a start z seen from ``forward`` and the last command in N m."""
     n = p.spans.size
-    # The environment limits the rate first: a last command beyond the rated torque leaves no way.
+    # Beyond the rated torque there may be no way; the environment's last limit is the rated torque.
     before = min(max(last, -p.rated_torque), p.rated_torque)
-    z_3 = before - forward
     bend = p.slew_rate * p.period
     free = True
-    first, value = 0.0, z_3
+    first, value = 0.0, before - forward
     for j in range(n):
-        move = p.best[j, 0] * z_0 + p.best[j, 1] * z_1 + p.best[j, 2] * z_2 + p.best[j, 3] * z_3
-        if abs(move + forward) > p.rated_torque or abs(move - value) > p.spans[j] * bend:
+        v = p.best[j, 0] * z_0 + p.best[j, 1] * z_1 + p.best[j, 2] * z_2
+        if abs(v + forward) > p.rated_torque or abs(v - value) > p.spans[j] * bend:
             free = False
         if j == 0:
-            first = move
-        value = move
+            first = v
+        value = v
     if free:
         return first + forward, 0.0
 
     linear, low, high = np.empty(n), np.empty(2 * n), np.empty(2 * n)
     for j in range(n):
-        linear[j] = p.slopes[j, 0] * z_0 + p.slopes[j, 1] * z_1 + p.slopes[j, 2] * z_2 + p.slopes[j, 3] * z_3
+        linear[j] = p.slopes[j, 0] * z_0 + p.slopes[j, 1] * z_1 + p.slopes[j, 2] * z_2
         low[j], high[j] = -p.rated_torque - forward, p.rated_torque - forward
         low[n + j], high[n + j] = -p.spans[j] * bend, p.spans[j] * bend
-    low[n] += z_3
-    high[n] += z_3
+    low[n] += before - forward
+    high[n] += before - forward
     H, increments = p.H, p.increments
     with objmode(move="float64", now="float64"):
         move, now = first_of(H, increments, linear, low, high, active)
