@@ -1,7 +1,7 @@
 """Linear MPC: the twist of the torsion bar over a horizon, the motor's torque and slew limits as constraints.
 
 Estimate, bridge over the delay and targets are lqg's (controllers.twist, controllers.tracking); what
-differs is what follows. Each period the motor's commands over the next 33 periods are chosen that
+differs is what follows. Each period the motor's commands over the next 9 periods are chosen that
 cost least,
 
     sum (M_tb - M_wanted)^2 + ((command - held) / effort)^2,

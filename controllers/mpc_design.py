@@ -24,8 +24,9 @@ from controllers.kalman_design import Matrix, discrete, kalman_gains, twist_matr
 from controllers.law import Gain, with_gains
 from steer_env.plants import Plant
 
-# Periods at which the target may bend: close while the slew limit acts, far apart to see the torque limit.
-MOVES = (0, 1, 2, 4, 8, 16, 32)
+# Periods at which the target may bend. Nine periods are what a motor needs from rest to its rated torque,
+# and about as long as an aim that follows the hand may be taken as held.
+MOVES = (0, 1, 2, 4, 8)
 
 
 class Design(NamedTuple):
@@ -74,7 +75,7 @@ def cost_to_go(q: Problem) -> Matrix:
 def lq_gain(q: Problem) -> Matrix:
     """K [1, 3] of the optimum without limits, v = -K z."""
     S = cost_to_go(q)
-    return np.linalg.solve(q.effort + q.push.T @ S @ q.push, q.push.T @ S @ q.step)
+    return np.asarray(np.linalg.solve(q.effort + q.push.T @ S @ q.push, q.push.T @ S @ q.step), np.float64)
 
 
 def interpolation(moves: Sequence[int]) -> Matrix:

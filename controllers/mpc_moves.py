@@ -57,44 +57,74 @@ def solved(H: Any, increments: Any, linear: Vector, low: Vector, high: Vector, a
     return v, code_of(np.where(np.abs(multipliers) > INACTIVE, multipliers, 0.0))
 
 
-def first_of(
-    H: Any, increments: Any, linear: Vector, low: Vector, high: Vector, active: float
-) -> tuple[float, float]:
+def first_of(H: Any, increments: Any, linear: Vector, low: Vector, high: Vector, active: float) -> tuple[float, float]:
     """``solved``, the first move alone."""
     v, now = solved(H, increments, linear, low, high, active)
     return float(v[0]), now
 
 
 @scalar
+def held(j: int, forward: float, p: Any) -> float:
+    """Torque in N m that move j is seen from.
+
+    An aim beyond the motor does not stay there. Were it to, the plan would count on the limit to
+    correct later what can be corrected now.
+    """
+    limit: float = p.rated_torque
+    return forward if j == 0 else min(max(forward, -limit), limit)
+
+
+@scalar
+def unlimited_move(j: int, z_0: float, z_1: float, z_2: float, p: Any) -> float:
+    """Move j in N m of the optimum without limits."""
+    move: float = p.best[j, 0] * z_0 + p.best[j, 1] * z_1 + p.best[j, 2] * z_2
+    return move
+
+
+@scalar
+def keeps_limits(forward: float, last: float, z_0: float, z_1: float, z_2: float, p: Any) -> bool:
+    """Whether the optimum without limits keeps all of them; ``last`` is the command before it in N m."""
+    for j in range(p.spans.size):
+        command = held(j, forward, p) + unlimited_move(j, z_0, z_1, z_2, p)
+        if abs(command) > p.rated_torque or abs(command - last) > p.spans[j] * p.slew_rate * p.period:
+            return False
+        last = command
+    return True
+
+
+@scalar
+def limits(forward: float, last: float, p: Any) -> Any:
+    """(low [2 n], high [2 n]) in N m for the moves and for their increments."""
+    n = p.spans.size
+    low, high = np.empty(2 * n), np.empty(2 * n)
+    for j in range(n):
+        base, bend = held(j, forward, p), p.spans[j] * p.slew_rate * p.period
+        low[j], high[j] = -p.rated_torque - base, p.rated_torque - base
+        low[n + j], high[n + j] = last - base - bend, last - base + bend
+        last = base
+    return low, high
+
+
+@scalar
 def next_command(
     forward: float, last: float, z_0: float, z_1: float, z_2: float, active: float, p: Any
 ) -> tuple[float, float]:
-    """(Motor command in N m, active limits) for a start z seen from ``forward`` and the last command in N m."""
-    n = p.spans.size
-    # Beyond the rated torque there may be no way; the environment's last limit is the rated torque.
-    before = min(max(last, -p.rated_torque), p.rated_torque)
-    bend = p.slew_rate * p.period
-    free = True
-    first, value = 0.0, before - forward
-    for j in range(n):
-        v = p.best[j, 0] * z_0 + p.best[j, 1] * z_1 + p.best[j, 2] * z_2
-        if abs(v + forward) > p.rated_torque or abs(v - value) > p.spans[j] * bend:
-            free = False
-        if j == 0:
-            first = v
-        value = v
-    if free:
-        return first + forward, 0.0
+    """(Motor command in N m, active limits) for z = (twist, rate, motor torque), as seen from the aim.
 
-    linear, low, high = np.empty(n), np.empty(2 * n), np.empty(2 * n)
-    for j in range(n):
+    ``forward`` is what holds the aim and ``last`` the last command, both in N m at the motor.
+    """
+    # From beyond the rated torque there may be no way back within the slew rate.
+    last = min(max(last, -p.rated_torque), p.rated_torque)
+    first = unlimited_move(0, z_0, z_1, z_2, p)
+    if keeps_limits(forward, last, z_0, z_1, z_2, p):
+        return forward + first, 0.0
+
+    low, high = limits(forward, last, p)
+    linear = np.empty(p.spans.size)
+    for j in range(p.spans.size):
         linear[j] = p.slopes[j, 0] * z_0 + p.slopes[j, 1] * z_1 + p.slopes[j, 2] * z_2
-        low[j], high[j] = -p.rated_torque - forward, p.rated_torque - forward
-        low[n + j], high[n + j] = -p.spans[j] * bend, p.spans[j] * bend
-    low[n] += before - forward
-    high[n] += before - forward
     H, increments = p.H, p.increments
     with objmode(move="float64", now="float64"):
         move, now = first_of(H, increments, linear, low, high, active)
     wanted = first if now < 0.0 else move
-    return limited_command(wanted + forward, before, p, p.period), now
+    return limited_command(forward + wanted, last, p, p.period), now
