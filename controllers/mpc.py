@@ -52,7 +52,7 @@ TUNABLE: dict[str, tuple[float, float]] = {
     "natural": (0.4, 3.0),
     "damping_ratio": (0.4, 2.0),
     "inertia_share": (0.3, 3.0),
-    "slope_limit": (0.4, 3.0),
+    "slope_limit": (0.4, 2.5),
 }
 
 
@@ -83,14 +83,14 @@ class MpcParameters(NamedTuple):
     natural: Annotated[float, Quantity("rad/s", "return of the angle", 0.1, 500.0, "assumption: 0.19 / T_d")]
     target_bandwidth: Annotated[float, Quantity("rad/s", "lag of the target", 1.0, 1e4, "assumption: BANDWIDTH / T_d")]
     target_lag: Annotated[float, Quantity("-", "share of lagged target, admittance", 0.0, 1.0, "1 where notched")]
+    rate_share: Annotated[float, Quantity("-", "share of the target's rate", 0.0, 1.0, "assumption")]
     effort: Annotated[float, Quantity("-", "command per torque error, a weight", 0.01, 1e3, "assumption")]
     hand: Annotated[float, Quantity("N m/s", "wander of the hand's torque, per root s", 0.01, 1e5, "assumption")]
     load: Annotated[float, Quantity("N m/s", "wander of the unknown load, per root s", 0.01, 1e5, "assumption")]
-    rate_share: Annotated[float, Quantity("-", "share of the target's rate", 0.0, 1.0, "assumption")] = 0.5
     gain: Annotated[float, Quantity("-", "for the target's inertia", 0.0, 3.0, "assumption")] = 1.0
     damping_ratio: Annotated[float, Quantity("-", "of the angle's return", 0.0, 3.0, "assumption")] = 0.9
     inertia_share: Annotated[float, Quantity("-", "share of J_pin cancelled outright", 0.0, 1.0, "assumption")] = 0.3
-    slope_limit: Annotated[float, Quantity("-", "slope beyond which a_ref fades", 1.0, 50.0, "assumption")] = 12.0
+    slope_limit: Annotated[float, Quantity("-", "slope beyond which a_ref fades", 1.0, 50.0, "assumption")] = 18.0
     notch: Notch = Notch()
 
 
@@ -171,6 +171,7 @@ def make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> L
             natural=0.19 / delay,
             target_bandwidth=BANDWIDTH[causality, stiff] / delay,
             target_lag=1.0 if stiff else 0.0,
+            rate_share=0.5 if causality == "impedance" else 0.1,
             notch=notch,
             **chosen._asdict(),
             **found,

@@ -104,7 +104,7 @@ def condensed(q: Problem, moves: Sequence[int], final: Matrix) -> Programme:
 def design(plant: Plant, causality: str, period: float, weights: Mapping[str, Gain]) -> tuple[Design, dict[str, Any]]:
     """(Weights, parameters of MpcParameters that follow from them)."""
     stiff = bar_notch(plant, period) != Notch()
-    soft = 4.0 if causality == "impedance" else 5.0
+    soft = 4.0 if causality == "impedance" else 6.0
     chosen = with_gains(Design(effort=0.1 if stiff else soft), weights, "mpc")
     q = problem_of(plant, period, chosen.effort)
     filtered = kalman_gains(plant, period, chosen.hand, chosen.load)
