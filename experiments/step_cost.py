@@ -9,9 +9,9 @@ subtracted. The mean alone comes from passes that read the clock at their ends. 
 the least of its passes, for the same work is done in each; "as it came" is every pass, with
 whatever else the machine did meanwhile.
 
-No limit acts on the shipped plants' motors in a chirp. What mpc costs where one does is measured
-with a motor that turns its torque at SLOW of the plant's slew rate, over the steps in which the
-programme had to be solved.
+The shipped plants' motors seldom meet a limit. What mpc costs where one acts is measured with a motor
+that changes its torque at SLOW of the plant's slew rate, over the steps in which the programme had to
+be solved.
 """
 
 from __future__ import annotations

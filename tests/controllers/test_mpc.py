@@ -209,7 +209,7 @@ def test_on_its_own_model_knowing_the_slew_rate_pays():
 
 @pytest.mark.parametrize("causality", CAUSALITIES)
 def test_with_limits_acting_python_and_machine_code_give_the_same_bits(causality):
-    """The call of DAQP out of compiled code; on the shipped plants no limit acts, so here it must."""
+    """The call of DAQP out of compiled code; on the shipped plants hardly a limit acts, so here it must."""
     plant = limited_plant(**SLOW, rated_torque=0.8)
     task = Task(plant, causality, "published", driver="tense", duration=0.6, amplitude=0.6)
     law = made(plant, causality)
