@@ -11,6 +11,11 @@ torque, no change faster than its slew rate (controllers.mpc_design has the prog
 solution). The first is given out. There is no integral that a limit could wind up: the filter's
 unknown load is taken off, and the filter knows the commands as they were limited.
 
+What knowing the limits is worth: on the law's own model much (tests/controllers/test_mpc.py), in a
+loop with arm and reference next to nothing against the same law cut by the motor, for the aim, which
+the plan takes as held, follows the hand. At a slew rate of 3 % of the EPAS motor's, in impedance, the
+plan does worse than the cut.
+
 Where the bar's mode is too fast for active damping, a notch takes it out of all that the programme
 starts from, so that the limits still hold for the command itself.
 """
