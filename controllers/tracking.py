@@ -75,11 +75,18 @@ def angle_target(o: Observation, felt: Felt, motion: MotionState, p: Any) -> Tar
     inertia and assist.
     """
     error, error_rate = o.reference - o.pinion_angle, o.reference_rate - o.pinion_rate
+    pull = p.natural * p.natural * error + 2.0 * p.damping_ratio * p.natural * error_rate
+    return pulled_target(pull, o, felt, motion, p)
+
+
+@scalar
+def pulled_target(pull: float, o: Observation, felt: Felt, motion: MotionState, p: Any) -> Target:
+    """As ``angle_target``, for an acceleration ``pull`` in rad/s2 that brings the angle back."""
+    error_rate = o.reference_rate - o.pinion_rate
     load = load_of(o, o.reference_acceleration, o.reference_rate, motion.felt_friction, felt)
     # Where the assist is steep the reference runs away from any motor behind a delay: its
     # acceleration is then no longer fed forward, but asked for as torque.
     steep = max(1.0 - p.slope_limit / assist_slope(o.torsion_bar_torque, felt), 0.0)
-    pull = p.natural * p.natural * error + 2.0 * p.damping_ratio * p.natural * error_rate
     lag = steep * (o.reference_acceleration - motion.acceleration_2)
     gap = felt.J_ref * (pull + lag) + felt.b_ref * steep * error_rate
     wanted = torque_of(o.effective_torque - gap, felt)
