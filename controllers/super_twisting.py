@@ -1,4 +1,26 @@
-"""Super-twisting."""
+"""Super-twisting: a continuous second-order sliding mode on the torque or the angle error.
+
+controllers.twisting has the algorithm, its gains and its discretisation; here stands what slides.
+What the model knows (feed-forward of the reference, matched gain, lead on the torsion-bar torque) is
+the equivalent control, as in ``lead``; the algorithm finds what is left, whose rate is bounded by
+``disturbance_rate`` L at the lower body.
+
+Impedance, s = integral of e, e = M_wanted - M_tb. Below the torsion bar's mode the sensor answers the
+motor at once (relative degree zero), so that the error's integral is what has degree one:
+s' = e = -(i M_mot + d) / (1 + gain). On s = s' = 0 the torque error itself is zero.
+
+Admittance, s = e' + ``slope`` e, e = angle_ref - angle: s' = -(i M_mot + d) / J with J = J_pin behind a
+soft bar. Behind a stiff sensor the hand's torque answers every correction and moves the reference by
+K / J_ref, so that 1/J = K / J_ref + 1 / (J_pin + J_s), K the assist's slope. Where b_ref is negative
+(15 and 30 km/h) ``damping_share`` of it is put back, or the reference would swing by itself while friction
+sticks.
+
+``fastest`` poles are shares of 1 / T_d (hardware.total_delay), found by eigenvalues over arms, speeds
+and plants (experiments.coupled_stability). The boundary layer that this leaves is wide: for torques below
+about 5 L / fastest, which is more than steering takes, the law works as a PI controller on s, and does not
+chatter; beyond, its gain falls as a sliding mode's does. Both integrals wait while a limit of the motor
+cuts the command.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +39,25 @@ from steer_env.units import Quantity
 
 _N = "the plant's nominal value"
 CUT = 1e-3  # N m at the motor: a command cut by more than this met a limit, not a rounding
+UNKNOWN_RATE = 0.3  # rad/s of slow steering at which friction that the model does not know turns over
 # What tuning may change, as factors on the design's own values.
 TUNABLE: dict[str, tuple[float, float]] = {
+    "disturbance_rate": (0.2, 10.0),
+    "fastest": (0.3, 2.0),
+    "slope": (0.3, 3.0),
+    "gain": (0.3, 2.5),
+    "lead": (0.4, 2.0),
+    "lead_bandwidth": (0.5, 2.0),
+    "acceleration_bandwidth": (0.3, 2.0),
+    "torque_lag": (0.5, 2.0),
+    "damping_share": (0.3, 3.0),
+    "inertia_share": (0.3, 3.0),
+    "slope_limit": (0.4, 3.0),
 }
 
 
 class TwistParameters(NamedTuple):
-    """Parameters of the three laws; torques at the lower body unless said otherwise."""
+    """Parameters of both laws; torques at the lower body unless said otherwise."""
 
     schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
     period: Annotated[float, Quantity("s", "control period", 1e-5, 0.05, "the loop's own")]
@@ -33,102 +67,106 @@ class TwistParameters(NamedTuple):
     b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
     M_fric: Annotated[float, Quantity("N m", "lower-body friction that is compensated", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
-    c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]
+    J_moved: Annotated[float, Quantity("kg m2", "what the motor moves: J_pin, with J_s if stiff", 5e-4, 2.0, _N)]
+    answer: Annotated[float, Quantity("-", "share of the hand's answer at once", 0.0, 1.0, "1 if stiff")]
+    disturbance_rate: Annotated[float, Quantity("N m/s", "L, of what is unknown", 1e-3, 1e5, "0.3 rad/s c_fric")]
+    fastest: Annotated[float, Quantity("1/s", "fastest local pole", 0.1, 1e3, "assumption: 0.02 to 0.1 / T_d")]
+    slope: Annotated[float, Quantity("1/s", "of the surface, admittance", 0.0, 1e3, "assumption: 0.045 or 0.14 / T_d")]
     acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
-    disturbance_rate: Annotated[float, Quantity("N m/s", "L", 0.0, 1e5, "assumption")]
-    fastest: Annotated[float, Quantity("1/s", "fastest pole of the reaching", 0.1, 1e3, "assumption")]
-    slope: Annotated[float, Quantity("1/s", "slope of the sliding surface", 0.0, 1e3, "assumption")]
-    lead: Annotated[float, Quantity("s", "zero of the lead: 1 / lead", 0.0, 0.2, "computed from the plant")]
-    lead_bandwidth: Annotated[float, Quantity("rad/s", "pole of the lead", 1.0, 1e4, "assumption: 1.5 / T_d")]
+    lead: Annotated[float, Quantity("s", "D over the whole torque", 0.0, 0.2, "computed from the plant")]
+    lead_bandwidth: Annotated[float, Quantity("rad/s", "its filter", 1.0, 1e4, "assumption: 1.5 / T_d, 0.5 if stiff")]
     torque_lag: Annotated[float, Quantity("s", "lag of the hand's torque, admittance", 0.0, 0.1, "1.2 T_d if notched")]
-    target_rate: Annotated[float, Quantity("-", "share of the target's rate in the surface", 0.0, 1.0, "assumption")]
+    damping_share: Annotated[float, Quantity("-", "of -b_ref put back, admittance", 0.0, 10.0, "assumption")] = 2.0
     gain: Annotated[float, Quantity("-", "share of the matched gain", 0.0, 3.0, "assumption: 1")] = 1.0
-    J_free: Annotated[float, Quantity("-", "x", 0.0, 10.0, "assumption")] = 0.0
-    A: Annotated[float, Quantity("-", "x", 0.0, 10.0, "assumption")] = 1.0
-    B: Annotated[float, Quantity("-", "x", 0.0, 10.0, "assumption")] = 1.0
-    lack: Annotated[float, Quantity("-", "x", 0.0, 10.0, "assumption")] = 0.0
-    damp: Annotated[float, Quantity("-", "x", 0.0, 10.0, "assumption")] = 0.0
     inertia_share: Annotated[float, Quantity("-", "share of J_pin cancelled outright", 0.0, 1.0, "assumption")] = 0.3
     slope_limit: Annotated[float, Quantity("-", "slope beyond which a_ref fades", 1.0, 50.0, "assumption")] = 12.0
     notch: Notch = Notch()
 
 
 class TwistState(NamedTuple):
+    """Algorithm's integral v, integral of the torque error in N m s, torques in N m, motion, notch."""
+
     twist: float = 0.0
     surface: float = 0.0
     torque: float = 0.0
-    wanted: float = 0.0
     commanded: float = 0.0
     motion: MotionState = MotionState()
     notch: NotchState = NotchState()
 
 
 @scalar
+def was_cut(o: Observation, x: TwistState) -> bool:
+    """Whether a limit of the motor cut the last command."""
+    return abs(o.last_torque_1 - x.commanded) > CUT
+
+
+@scalar
+def equivalent(
+    target: Target, lead: float, felt: Felt, o: Observation, x: TwistState, p: TwistParameters
+) -> tuple[float, float]:
+    """(Lower-body torque in N m that a known world needs, filtered torque in N m); ``lead`` in s."""
+    torque = low_pass(x.torque, o.torsion_bar_torque, p.lead_bandwidth, p.period)
+    fast = lead * p.lead_bandwidth * (o.torsion_bar_torque - torque)
+    proportional = gain_at(felt, p) * (target.wanted - o.torsion_bar_torque)
+    return target.model + target.known - target.wanted - proportional + fast, torque
+
+
+@scalar
 def torque_law(o: Observation, x: TwistState, p: TwistParameters) -> tuple[float, TwistState]:
-    """Impedance: s = integral of e."""
+    """Impedance: the integral of the torque error slides."""
     felt = felt_at(o.speed, p.schedule)
     motion = motion_step(o.pinion_angle, o, felt, x.motion, p)
     target = torque_target(o, felt, motion, p)
-    gain = gain_at(felt, p)
-    limited = abs(o.last_torque_1 - x.commanded) > CUT
-    s = x.surface if limited else x.surface + p.period * (target.wanted - o.torsion_bar_torque)
-    u, twist = twist_step(s, x.twist, MARGIN * p.disturbance_rate, p.fastest, p.period)
-    torque = low_pass(x.torque, o.torsion_bar_torque, p.lead_bandwidth, p.period)
-    wanted = low_pass(x.wanted, target.wanted, p.lead_bandwidth, p.period)
-    rate = p.lead_bandwidth * (o.torsion_bar_torque - torque - p.target_rate * (target.wanted - wanted))
-    fast = (1.0 + gain) * p.lead * rate
-    lower = target.model + target.known - target.wanted - gain * (target.wanted - o.torsion_bar_torque) + fast
-    lower = lower + (1.0 + gain) * u
-    output, notch = notch_step(lower, x.notch, p.notch)
+    total = 1.0 + gain_at(felt, p)
+    cut = was_cut(o, x)
+    s = x.surface if cut else x.surface + p.period * (target.wanted - o.torsion_bar_torque)
+    u, twist = twist_step(s, x.twist, MARGIN * p.disturbance_rate / total, p.fastest, p.period)
+    known, torque = equivalent(target, total * p.lead, felt, o, x, p)
+    output, notch = notch_step(known + total * u, x.notch, p.notch)
     command = output / p.motor_ratio
-    return command, TwistState(x.twist if limited else twist, s, torque, wanted, command, motion, notch)
+    return command, TwistState(x.twist if cut else twist, s, torque, command, motion, notch)
 
 
 @scalar
 def angle_law(o: Observation, x: TwistState, p: TwistParameters) -> tuple[float, TwistState]:
-    """Admittance: s = e' + slope e."""
+    """Admittance: angle error and its rate slide."""
     felt = felt_at(o.speed, p.schedule)
     motion = motion_step(o.reference, o, felt, x.motion, p)
-    limited = abs(o.last_torque_1 - x.commanded) > CUT
-    s = o.pinion_rate - o.reference_rate + p.slope * (o.pinion_angle - o.reference)
-    u, twist = twist_step(s, x.twist, MARGIN * p.disturbance_rate / p.J_pin, p.fastest, p.period)
-    slope = assist_slope(o.torsion_bar_torque, felt)
-    inertia = 1.0 / (p.A * slope / felt.J_ref + p.B / p.J_free)
     target = pulled_target(0.0, o, felt, motion, p)
-    gain = gain_at(felt, p)
-    torque = low_pass(x.torque, o.torsion_bar_torque, p.lead_bandwidth, p.period)
-    lead = min(slope, p.slope_limit) * p.lead + p.torque_lag + p.lack * max(-felt.b_ref, 0.0) / p.c_tb
-    fast = lead * p.lead_bandwidth * (o.torsion_bar_torque - torque)
-    lower = target.model + target.known - target.wanted - gain * (target.wanted - o.torsion_bar_torque) + fast
-    lower = lower + inertia * u
-    lower = lower - p.damp * max(-felt.b_ref, 0.0) / slope * o.pinion_rate
-    output, notch = notch_step(lower, x.notch, p.notch)
+    steepness = assist_slope(o.torsion_bar_torque, felt)
+    inertia = 1.0 / (p.answer * steepness / felt.J_ref + 1.0 / p.J_moved)
+    s = o.pinion_rate - o.reference_rate + p.slope * (o.pinion_angle - o.reference)
+    u, twist = twist_step(s, x.twist, MARGIN * p.disturbance_rate / inertia, p.fastest, p.period)
+    lead = min(steepness, p.slope_limit) * p.lead + p.torque_lag
+    known, torque = equivalent(target, lead, felt, o, x, p)
+    damping = p.damping_share * max(-felt.b_ref, 0.0) / steepness * o.pinion_rate
+    output, notch = notch_step(known + inertia * u - damping, x.notch, p.notch)
     command = output / p.motor_ratio
-    return command, TwistState(x.twist if limited else twist, 0.0, torque, 0.0, command, motion, notch)
+    return command, TwistState(x.twist if was_cut(o, x) else twist, 0.0, torque, command, motion, notch)
 
 
 def make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> LawController:
+    """The controller for a plant; ``gains`` replace fields of TwistParameters."""
+    s = plant.steering
+
     def for_period(period: float) -> TwistParameters:
         delay = total_delay(plant, period)
         notch = bar_notch(plant, period)
         stiff = notch != Notch()
+        angle_pole = 0.1 if stiff else 0.08
         parameters = TwistParameters(
             **hardware_of(plant, reference, period),
-            c_tb=plant.steering.c_tb,
+            J_moved=s.J_pin + (s.J_s if stiff else 0.0),
+            answer=1.0 if stiff else 0.0,
+            disturbance_rate=UNKNOWN_RATE * s.c_fric,
+            fastest=(0.02 if causality == "impedance" else angle_pole) / delay,
+            slope=(0.045 if stiff else 0.14) / delay,
             acceleration_bandwidth=1.0 / delay,
-            disturbance_rate=50.0,
-            fastest=(0.02 if causality == "impedance" else 0.04)/delay,
-            slope=(0.05/delay if causality == "impedance" else 0.04/delay),
-            target_rate=0.0, J_free=plant.steering.J_pin+plant.steering.J_s*(1.0-plant.rack_share),
             lead=0.0 if stiff else 1.5 * delay,
-            lead_bandwidth=(1.0 / 1.2 if stiff else 1.5) / delay,
+            lead_bandwidth=(0.5 if stiff else 1.5) / delay,
             torque_lag=1.2 * delay if stiff else 0.0,
             notch=notch,
         )
         return with_gains(parameters, gains, "super_twisting")
 
-    if causality == "admittance":
-        law = angle_law
-    else:
-        law = torque_law
-    return LawController(law, for_period, TwistState())
+    return LawController(torque_law if causality == "impedance" else angle_law, for_period, TwistState())

@@ -81,7 +81,7 @@ def angle_target(o: Observation, felt: Felt, motion: MotionState, p: Any) -> Tar
 
 @scalar
 def pulled_target(pull: float, o: Observation, felt: Felt, motion: MotionState, p: Any) -> Target:
-    """As ``angle_target``, for an acceleration ``pull`` in rad/s2 that brings the angle back."""
+    """As ``angle_target``, for an acceleration ``pull`` in rad/s2 that brings the angle back; 0: feed-forward alone."""
     error_rate = o.reference_rate - o.pinion_rate
     load = load_of(o, o.reference_acceleration, o.reference_rate, motion.felt_friction, felt)
     # Where the assist is steep the reference runs away from any motor behind a delay: its
