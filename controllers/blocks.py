@@ -1,4 +1,4 @@
-"""Small blocks that laws share: the assist of a Felt reference, a lag, a notch."""
+"""Small blocks that laws share: the assist of a Felt reference, a lag, a notch, a past command."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from controllers.schedule import Felt
+from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
 from steer_env.physics.assist import assist, incremental_assist, inverse_assist
 
@@ -76,3 +77,13 @@ def assist_slope(M_tb: float, felt: Felt) -> float:
     if felt.linear > 0.5:
         return 1.0 + felt.k_gain
     return incremental_assist(M_tb, felt.r, felt.sigma)
+
+
+@scalar
+def aged_command(o: Observation, age: float) -> float:
+    """The command in N m given ``age`` periods ago (1 to 4)."""
+    if age < 1.5:
+        return o.last_torque_1
+    if age < 2.5:
+        return o.last_torque_2
+    return o.last_torque_3 if age < 3.5 else o.last_torque_4

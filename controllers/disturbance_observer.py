@@ -21,19 +21,26 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple
 
-from controllers.blocks import Notch, NotchState, assist_slope, low_pass, notch_step
+from controllers.blocks import Notch, NotchState, low_pass, notch_step
 from controllers.hardware import bar_notch, hardware_of, total_delay
 from controllers.law import Gain, LawController, with_gains
+from controllers.pid import load_seen
 from controllers.schedule import Felt, felt_at
-from controllers.tracking import MotionState, Target, angle_target, gain_at, motion_step, torque_target
+from controllers.tracking import (
+    MotionState,
+    Target,
+    angle_target,
+    gain_at,
+    loop_gain,
+    motion_step,
+    torque_target,
+)
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
-from steer_env.physics.motor import lag_decay, lag_step
 from steer_env.plants import Plant, Reference
 from steer_env.units import Quantity
 
 _N = "the plant's nominal value"
-SEEN_COMMANDS = 4  # periods of past commands in an observation
 # What tuning may change, as factors on the design's own values.
 TUNABLE: dict[str, tuple[float, float]] = {
     "q_bandwidth": (0.1, 5.0),
@@ -60,6 +67,7 @@ class ObserverParameters(NamedTuple):
     b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
     M_fric: Annotated[float, Quantity("N m", "lower-body friction", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
+    slope_limit: Annotated[float, Quantity("-", "assist slope beyond which the angle yields", 1.0, 50.0, "assumption")]
     command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
     motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     observer_bandwidth: Annotated[float, Quantity("rad/s", "of the control unit's observer", 1.0, 2e3, _N)]
@@ -72,45 +80,31 @@ class ObserverParameters(NamedTuple):
     gain: Annotated[float, Quantity("-", "share of the matched torque gain", 0.0, 3.0, "assumption")] = 1.0
     damping_ratio: Annotated[float, Quantity("-", "of the angle loop", 0.0, 3.0, "assumption")] = 0.9
     inertia_share: Annotated[float, Quantity("-", "share of J_pin cancelled outright", 0.0, 1.0, "assumption")] = 0.3
-    slope_limit: Annotated[float, Quantity("-", "slope beyond which a_ref fades", 1.0, 50.0, "assumption")] = 12.0
     notch: Notch = Notch()
 
 
 class ObserverState(NamedTuple):
-    """Disturbance, lags of what is known, motor torque and filtered torque in N m; motion, notch."""
+    """Disturbance, lags of what is known and filtered torque in N m; motion, notch."""
 
     disturbance: float = 0.0
     known_1: float = 0.0
     known_2: float = 0.0
     known_3: float = 0.0
-    motor_torque: float = 0.0
     torque: float = 0.0
     motion: MotionState = MotionState()
     notch: NotchState = NotchState()
 
 
 @scalar
-def aged_command(o: Observation, age: float) -> float:
-    """The command in N m given ``age`` periods ago (1 to 4)."""
-    if age < 1.5:
-        return o.last_torque_1
-    if age < 2.5:
-        return o.last_torque_2
-    return o.last_torque_3 if age < 3.5 else o.last_torque_4
-
-
-@scalar
 def disturbance_of(
-    known: float, o: Observation, x: ObserverState, p: ObserverParameters
-) -> tuple[float, float, float, float, float]:
-    """(Q(s) d, the three lags of ``known``, motor torque), all in N m; ``known`` is load and friction."""
-    motor = lag_step(x.motor_torque, aged_command(o, p.command_age), p.motor_decay)
+    known: float, motion: MotionState, o: Observation, x: ObserverState, p: ObserverParameters
+) -> tuple[float, float, float, float]:
+    """(Q(s) d, the three lags of ``known``), all in N m; ``known`` is load and friction."""
     known_1 = low_pass(x.known_1, known, p.observer_bandwidth, p.period)
     known_2 = low_pass(x.known_2, known_1, p.observer_bandwidth, p.period)
     known_3 = low_pass(x.known_3, known_2, p.observer_bandwidth, p.period)
-    model = p.J_pin * o.pinion_acceleration + p.b_pin * o.pinion_rate
-    seen = o.torsion_bar_torque + p.motor_ratio * motor - model - known_3
-    return low_pass(x.disturbance, seen, p.q_bandwidth, p.period), known_1, known_2, known_3, motor
+    seen = load_seen(o, motion.motor_torque, known_3, p)
+    return low_pass(x.disturbance, seen, p.q_bandwidth, p.period), known_1, known_2, known_3
 
 
 @scalar
@@ -124,13 +118,13 @@ def pd_loop(
     p: ObserverParameters,
 ) -> tuple[float, ObserverState]:
     """Motor torque for a target; ``lead`` in s is D over the whole torque."""
-    disturbance, known_1, known_2, known_3, motor = disturbance_of(target.known, o, x, p)
+    disturbance, known_1, known_2, known_3 = disturbance_of(target.known, motion, o, x, p)
     torque = low_pass(x.torque, o.torsion_bar_torque, p.derivative_bandwidth, p.period)
     derivative = lead * p.derivative_bandwidth * (o.torsion_bar_torque - torque)
     proportional = gain_at(felt, p) * (target.wanted - o.torsion_bar_torque)
     lower = target.model + target.known + disturbance - target.wanted - proportional + derivative
     output, notch = notch_step(lower, x.notch, p.notch)
-    state = ObserverState(disturbance, known_1, known_2, known_3, motor, torque, motion, notch)
+    state = ObserverState(disturbance, known_1, known_2, known_3, torque, motion, notch)
     return output / p.motor_ratio, state
 
 
@@ -148,7 +142,7 @@ def angle_law(o: Observation, x: ObserverState, p: ObserverParameters) -> tuple[
     """Admittance: reference motion fed forward, PD on the angle, disturbance taken off."""
     felt = felt_at(o.speed, p.schedule)
     motion = motion_step(o.reference, o, felt, x.motion, p)
-    lead = min(assist_slope(o.torsion_bar_torque, felt), p.slope_limit) * p.derivative + p.torque_lag
+    lead = loop_gain(o, felt, p) * p.derivative + p.torque_lag
     return pd_loop(angle_target(o, felt, motion, p), lead, motion, felt, o, x, p)
 
 
@@ -161,8 +155,6 @@ def make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> L
         stiff = notch != Notch()
         parameters = ObserverParameters(
             **hardware_of(plant, reference, period),
-            command_age=min(1.0 + plant.sensors.angle_delay + plant.motor.dead_time, SEEN_COMMANDS),
-            motor_decay=lag_decay(plant.motor.bandwidth_Hz, period),
             observer_bandwidth=2.0 * math.pi * plant.observer_bandwidth_Hz,
             q_bandwidth=0.1 / delay,
             acceleration_bandwidth=1.0 / delay,

@@ -7,6 +7,7 @@ from typing import Any
 
 from controllers.blocks import Notch, notch
 from controllers.schedule import schedule_of
+from steer_env.physics.motor import lag_decay
 from steer_env.plants import Plant, Reference
 
 ACTIVE_DAMPING_LIMIT = 1.5  # rad of phase lost in T_d; a mode beyond it is notched, not damped
@@ -14,8 +15,13 @@ NOTCH_DEPTH, NOTCH_WIDTH = 0.1, 1.3  # holds c_tb within 30 % and J_pin within 2
 NOTCH_HAND = 0.03  # kg m2 on the wheel that the notch is tuned for; arms move the mode by 6 %
 
 
+# dM_eff/dM_tb beyond which an angle law yields; found by eigenvalues (experiments.robustness).
+SLOPE_LIMIT_RACK, SLOPE_LIMIT_FREE = 12.0, 8.0
+SEEN_COMMANDS = 4  # periods of past commands in an observation
+
+
 def hardware_of(plant: Plant, reference: Reference, period: float) -> dict[str, Any]:
-    """Fields that most parameter records begin with: the reference over speed and the lower body's numbers."""
+    """Fields that most parameter records begin with: the reference over speed, lower body and motor."""
     s = plant.steering
     return {
         "schedule": schedule_of(reference),
@@ -26,6 +32,9 @@ def hardware_of(plant: Plant, reference: Reference, period: float) -> dict[str, 
         "b_pin": s.b_pin,
         "M_fric": s.M_fric,
         "c_fric": s.c_fric,
+        "slope_limit": SLOPE_LIMIT_RACK if plant.rack_share > 0.5 else SLOPE_LIMIT_FREE,
+        "command_age": min(1.0 + plant.sensors.angle_delay + plant.motor.dead_time, SEEN_COMMANDS),
+        "motor_decay": lag_decay(plant.motor.bandwidth_Hz, period),
     }
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
 
 
@@ -66,13 +65,3 @@ def corrected(x: Estimate, torque: float, angle: float, p: Any) -> Estimate:
         x.hand + K[5, 0] * e + K[5, 1] * f,
         x.load + K[6, 0] * e + K[6, 1] * f,
     )
-
-
-@scalar
-def aged_command(o: Observation, age: int) -> float:
-    """The command in N m given ``age`` periods ago (1 to 4)."""
-    if age <= 1:
-        return o.last_torque_1
-    if age == 2:
-        return o.last_torque_2
-    return o.last_torque_3 if age == 3 else o.last_torque_4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 from steer_env.errors import InputError
@@ -30,12 +31,12 @@ class LawController:
 
     def __init__(self, law: Law, design: Callable[[float], Any], start: Any) -> None:
         self.law = law
-        self._design = design
+        self._design = cache(design)
         self._start = start
         self.reset(PERIOD)
 
     def reset(self, period: float) -> None:
-        """Forget the past and design for control periods of ``period`` seconds."""
+        """Forget the past and design for control periods of ``period`` seconds, once for each."""
         self.parameters = self._design(period)
         self._state = self._start
 

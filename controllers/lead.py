@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from controllers.blocks import Notch, NotchState, assist_slope, low_pass, notch_step
+from controllers.blocks import Notch, NotchState, low_pass, notch_step
 from controllers.hardware import bar_notch, hardware_of, total_delay
 from controllers.law import Gain, LawController, with_gains
 from controllers.schedule import Felt, felt_at
-from controllers.tracking import MotionState, Target, angle_target, gain_at, motion_step, torque_target
+from controllers.tracking import MotionState, Target, angle_target, gain_at, loop_gain, motion_step, torque_target
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
 from steer_env.plants import Plant, Reference
@@ -56,6 +56,9 @@ class LeadParameters(NamedTuple):
     b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
     M_fric: Annotated[float, Quantity("N m", "lower-body friction that is compensated", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
+    slope_limit: Annotated[float, Quantity("-", "assist slope beyond which the angle yields", 1.0, 50.0, "assumption")]
+    command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
+    motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
     lead: Annotated[float, Quantity("s", "zero of the lead: 1 / lead", 0.0, 0.2, "computed from the plant")]
     lead_bandwidth: Annotated[float, Quantity("rad/s", "pole of the lead", 1.0, 1e4, "assumption: 1.5 / T_d")]
@@ -66,7 +69,6 @@ class LeadParameters(NamedTuple):
     gain: Annotated[float, Quantity("-", "share of the matched gain", 0.0, 3.0, "assumption: 1")] = 1.0
     damping_ratio: Annotated[float, Quantity("-", "of the angle's return", 0.0, 3.0, "assumption")] = 0.9
     inertia_share: Annotated[float, Quantity("-", "share of J_pin cancelled outright", 0.0, 1.0, "assumption")] = 0.3
-    slope_limit: Annotated[float, Quantity("-", "slope beyond which a_ref fades", 1.0, 50.0, "assumption")] = 12.0
     notch: Notch = Notch()
 
 
@@ -108,7 +110,7 @@ def angle_law(o: Observation, x: LeadState, p: LeadParameters) -> tuple[float, L
     """Admittance: reference motion fed forward, angle error as a torque, lead-lag on that."""
     felt = felt_at(o.speed, p.schedule)
     motion = motion_step(o.reference, o, felt, x.motion, p)
-    lead = min(assist_slope(o.torsion_bar_torque, felt), p.slope_limit) * p.lead + p.torque_lag
+    lead = loop_gain(o, felt, p) * p.lead + p.torque_lag
     return torque_loop(angle_target(o, felt, motion, p), lead, motion, felt, o, x, p)
 
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from controllers.blocks import Notch, NotchState, low_pass, notch_step
+from controllers.blocks import Notch, NotchState, aged_command, low_pass, notch_step
 from controllers.hardware import bar_notch, hardware_of, total_delay
-from controllers.kalman import Estimate, aged_command, carried_on, corrected
+from controllers.kalman import Estimate, carried_on, corrected
 from controllers.law import Gain, LawController, with_gains
 from controllers.lqg_design import Design, design
 from controllers.schedule import felt_at
@@ -59,6 +59,9 @@ class LqgParameters(NamedTuple):
     b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
     M_fric: Annotated[float, Quantity("N m", "lower-body friction", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
+    slope_limit: Annotated[float, Quantity("-", "assist slope beyond which the angle yields", 1.0, 50.0, "assumption")]
+    command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
+    motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]
     periods_ahead: Annotated[float, Quantity("periods", "from the sensors to the command's action", 0, 4, _N)]
     acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
@@ -77,7 +80,6 @@ class LqgParameters(NamedTuple):
     gain: Annotated[float, Quantity("-", "for the target's inertia", 0.0, 3.0, "assumption")] = 1.0
     damping_ratio: Annotated[float, Quantity("-", "of the angle's return", 0.0, 3.0, "assumption")] = 0.9
     inertia_share: Annotated[float, Quantity("-", "share of J_pin cancelled outright", 0.0, 1.0, "assumption")] = 0.3
-    slope_limit: Annotated[float, Quantity("-", "slope beyond which a_ref fades", 1.0, 50.0, "assumption")] = 12.0
     notch: Notch = Notch()
 
 

@@ -8,23 +8,24 @@ where the car loads the lower body, and i M_mot = J_pin a + b_pin w + M_fric - M
 steer-by-wire. Written once for both: i M_mot = J_pin a + b_pin w + M_fric + share M_load - M_tb,ref
 with M_load = M_eff - J_ref a - b_ref w - M_ref,fric.
 
-Where it ends: at 15 km/h the tables have no off-centre stiffness and b_ref = -1.24 N m s/rad, so the
-assist's slope exceeds 100 and the admittance generator is unstable by itself while friction sticks
-(growth 7.5 1/s, 2.1 1/s at 30 km/h). Angle tracking there diverges off centre; torque tracking holds.
+Where it ends: at 15 and 30 km/h the tables have b_ref < 0 and the assist's slope goes up to 330 and
+49. A reference that follows that slope outruns any motor behind a delay, so where the assist is
+steep the angle law yields and renders torque instead: stable, but no longer on the reference angle.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from controllers.blocks import NotchState, assist_slope, low_pass, notch_step, torque_of
+from controllers.blocks import NotchState, aged_command, assist_slope, low_pass, notch_step, torque_of
 from controllers.law import Gain, LawController, with_gains
 from controllers.pid_design import PidParameters, design
 from controllers.schedule import Felt, felt_at
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
 from steer_env.physics.friction import dahl_step
+from steer_env.physics.motor import lag_step
 from steer_env.plants import Plant, Reference
 
 # What tuning may change, as factors on the design's own values.
@@ -57,6 +58,9 @@ class PidState(NamedTuple):
     reference_friction: float = 0.0
     reference_angle: float = 0.0
     commanded: float = 0.0
+    own_friction: float = 0.0
+    motor_torque: float = 0.0
+    load: float = 0.0
     notch: NotchState = NotchState()
 
 
@@ -101,6 +105,29 @@ def load_of(o: Observation, acceleration: float, rate: float, friction: float, f
 
 
 @scalar
+def load_seen(o: Observation, motor_torque: float, friction: float, p: Any) -> float:
+    """Load on the lower body in N m: what its motion under bar and motor leaves unexplained.
+
+    ``motor_torque`` in N m at its shaft is as old as the measured angle, ``friction`` the hardware's.
+    """
+    moved: float = p.J_pin * o.pinion_acceleration + p.b_pin * o.pinion_rate + friction
+    return o.torsion_bar_torque + p.motor_ratio * motor_torque - moved
+
+
+@scalar
+def steep_share(slope: float, p: Any) -> float:
+    """How far an angle law yields to rendering torque: not at all up to ``slope_limit`` of the assist.
+
+    With a rack, whose load the motion shows, wholly from twice that slope on: a motor behind a delay
+    cannot follow a reference that runs off at the full slope. Without a rack the load is known at the
+    reference's angle only, so that the angle loop has to keep a share.
+    """
+    if p.rack_share > 0.5:
+        return min(max(slope / p.slope_limit - 1.0, 0.0), 1.0)
+    return max(1.0 - p.slope_limit / slope, 0.0)
+
+
+@scalar
 def torque_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, PidState]:
     """Impedance: feed-forward from the measured motion, PI on torque error, D on torque."""
     felt = felt_at(o.speed, p.schedule)
@@ -141,6 +168,9 @@ def torque_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pi
         felt_friction,
         o.pinion_angle,
         command,
+        0.0,
+        0.0,
+        0.0,
         notch,
     )
 
@@ -151,7 +181,10 @@ def angle_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pid
     felt = felt_at(o.speed, p.schedule)
     friction = dahl_step(x.friction, o.pinion_angle - x.friction_angle, p.M_fric, p.c_fric)
     felt_friction = dahl_step(x.reference_friction, o.reference - x.reference_angle, felt.M_fric_C, felt.c_fric)
+    own_friction = dahl_step(x.own_friction, o.pinion_angle - x.friction_angle, felt.M_fric_C, felt.c_fric)
     load = load_of(o, o.reference_acceleration, o.reference_rate, felt_friction, felt)
+    motor = lag_step(x.motor_torque, aged_command(o, p.command_age), p.motor_decay)
+    seen = low_pass(x.load, load_seen(o, motor, friction, p), p.acceleration_bandwidth, p.period)
     error = o.reference - o.pinion_angle
     error_rate = o.reference_rate - o.pinion_rate
     a_1 = low_pass(x.acceleration_1, o.pinion_acceleration, p.acceleration_bandwidth, p.period)
@@ -159,13 +192,16 @@ def angle_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pid
 
     # Where the assist is steep, torque moves the reference faster than a motor behind a delay can
     # follow: there the law yields from tracking the angle to rendering the torque that the angle
-    # error stands for, as in impedance.
+    # error stands for, as in impedance; with a rack wholly, at the load that the motion shows.
     slope = assist_slope(o.torsion_bar_torque, felt)
-    yielding = max(1.0 - p.slope_limit / slope, 0.0)
+    yielding = steep_share(slope, p)
+    wholly = p.rack_share * yielding
     pull = p.angle_gain * error + p.angle_derivative * error_rate
-    gap = felt.J_ref * (o.reference_acceleration - a_2 + pull) + felt.b_ref * error_rate
+    gap = felt.J_ref * (o.reference_acceleration - a_2 + (1.0 - p.rack_share) * pull) + felt.b_ref * error_rate
+    shown = wholly * (seen - load)
     lack = least_damping(felt, p)
-    wanted = torque_of(o.effective_torque - yielding * (gap - lack * o.pinion_rate), felt)
+    M_eff = o.effective_torque - yielding * (gap - lack * o.pinion_rate)
+    wanted = torque_of(M_eff + shown + wholly * (own_friction - felt_friction), felt)
     gain = matched_gain(felt, p)
     # Steer-by-wire: the hand's torque answers every correction, and through the assist it moves the
     # reference by K / J_ref. That, not the rotor's small inertia, is what the angle loop works
@@ -175,13 +211,14 @@ def angle_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pid
     feedback = (1.0 - yielding) * inertia * pull + integral
 
     torque = low_pass(x.torque, o.torsion_bar_torque, p.derivative_bandwidth, p.period)
-    lead = p.bar_damping * (min(slope, p.slope_limit) * p.delay + lack / p.c_tb) + p.torque_lag
+    loop_gain = (1.0 - yielding) * slope + yielding * (1.0 + gain)
+    lead = p.bar_damping * (loop_gain * p.delay + lack / p.c_tb) + p.torque_lag
     bar = lead * p.derivative_bandwidth * (o.torsion_bar_torque - torque)
     damping = (1.0 - yielding) * (1.0 - p.bar_damping) * lack / slope * o.pinion_rate
 
     acceleration = (1.0 - yielding) * o.reference_acceleration + yielding * p.inertia_share * a_2
     rate = (1.0 - yielding) * o.reference_rate + yielding * o.pinion_rate
-    lower = p.J_pin * acceleration + p.b_pin * rate + friction + p.rack_share * load
+    lower = p.J_pin * acceleration + p.b_pin * rate + friction + p.rack_share * load + shown
     lower = lower - wanted - gain * (wanted - o.torsion_bar_torque) + feedback + bar - damping
     output, notch = notch_step(lower, x.notch, p.notch)
     command = output / p.motor_ratio
@@ -195,6 +232,9 @@ def angle_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pid
         felt_friction,
         o.reference,
         command,
+        own_friction,
+        motor,
+        seen,
         notch,
     )
 

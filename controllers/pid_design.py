@@ -38,6 +38,8 @@ class PidParameters(NamedTuple):
     b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
     M_fric: Annotated[float, Quantity("N m", "lower-body friction that is compensated", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
+    command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
+    motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]
     acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
     derivative_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1.5 / T_d, or 1 / lag")]
@@ -86,7 +88,6 @@ def design(plant: Plant, reference: Reference, period: float) -> PidParameters:
         torque_lag=HAND_LAG * delay if stiff else 0.0,
         bar_damping=0.0 if stiff else 1.0,
         inertia_share=0.3,
-        slope_limit=12.0,
         torque_gain=1.0,
         torque_integral=TORQUE_INTEGRAL / delay,
         angle_gain=natural * natural,

@@ -29,8 +29,9 @@ from typing import Annotated, Any, NamedTuple
 from controllers.blocks import Notch, NotchState, assist_slope, low_pass, notch_step
 from controllers.hardware import bar_notch, hardware_of, total_delay
 from controllers.law import Gain, LawController, with_gains
+from controllers.pid import steep_share
 from controllers.schedule import Felt, felt_at
-from controllers.tracking import MotionState, Target, gain_at, motion_step, pulled_target, torque_target
+from controllers.tracking import MotionState, Target, gain_at, loop_gain, motion_step, pulled_target, torque_target
 from controllers.twisting import MARGIN, twist_step
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
@@ -67,6 +68,9 @@ class TwistParameters(NamedTuple):
     b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
     M_fric: Annotated[float, Quantity("N m", "lower-body friction that is compensated", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
+    slope_limit: Annotated[float, Quantity("-", "assist slope beyond which the angle yields", 1.0, 50.0, "assumption")]
+    command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
+    motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     J_moved: Annotated[float, Quantity("kg m2", "what the motor moves: J_pin, with J_s if stiff", 5e-4, 2.0, _N)]
     answer: Annotated[float, Quantity("-", "share of the hand's answer at once", 0.0, 1.0, "1 if stiff")]
     disturbance_rate: Annotated[float, Quantity("N m/s", "L, of what is unknown", 1e-3, 1e5, "0.3 rad/s c_fric")]
@@ -79,7 +83,6 @@ class TwistParameters(NamedTuple):
     damping_share: Annotated[float, Quantity("-", "of -b_ref put back, admittance", 0.0, 10.0, "assumption")] = 2.0
     gain: Annotated[float, Quantity("-", "share of the matched gain", 0.0, 3.0, "assumption: 1")] = 1.0
     inertia_share: Annotated[float, Quantity("-", "share of J_pin cancelled outright", 0.0, 1.0, "assumption")] = 0.3
-    slope_limit: Annotated[float, Quantity("-", "slope beyond which a_ref fades", 1.0, 50.0, "assumption")] = 12.0
     notch: Notch = Notch()
 
 
@@ -137,10 +140,11 @@ def angle_law(o: Observation, x: TwistState, p: TwistParameters) -> tuple[float,
     inertia = 1.0 / (p.answer * steepness / felt.J_ref + 1.0 / p.J_moved)
     s = o.pinion_rate - o.reference_rate + p.slope * (o.pinion_angle - o.reference)
     u, twist = twist_step(s, x.twist, MARGIN * p.disturbance_rate / inertia, p.fastest, p.period)
-    lead = min(steepness, p.slope_limit) * p.lead + p.torque_lag
+    yielded = p.rack_share * steep_share(steepness, p)
+    lead = loop_gain(o, felt, p) * p.lead + p.torque_lag
     known, torque = equivalent(target, lead, felt, o, x, p)
     damping = p.damping_share * max(-felt.b_ref, 0.0) / steepness * o.pinion_rate
-    output, notch = notch_step(known + inertia * u - damping, x.notch, p.notch)
+    output, notch = notch_step(known + (1.0 - yielded) * (inertia * u - damping), x.notch, p.notch)
     command = output / p.motor_ratio
     return command, TwistState(x.twist if was_cut(o, x) else twist, 0.0, torque, command, motion, notch)
 

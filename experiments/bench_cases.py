@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache
+from functools import partial
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import controllers
+from experiments.bench_plots import compact_plot
 from experiments.metrics import Trial, analytic_response, score
 from experiments.rollout import Episode, run
-from steer_env.envs.task import Task
-from steer_env.plants import PLANTS, Plant, Reference
+from steer_env.envs.layout import CarSpread
+from steer_env.envs.task import Task, random_car, random_driver
+from steer_env.interface import Controller
+from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
+
+Maker = Callable[[Plant, Reference, str], Controller]
 
 PLANT_NAMES = ("EPAS", "SbW")
 SPEEDS_KMH = (45.0, 75.0, 105.0)
@@ -32,7 +35,9 @@ LOOP_POINTS = 400  # per hysteresis loop kept for plots
 class Case:
     """One episode. ``linear`` takes Eq. 10; ``prompt`` a plant without any delay or sensor noise.
 
-    The prompt plant is the limit case that tells what delay and sensors cost.
+    The prompt plant is the limit case that tells what delay and sensors cost. ``split`` says from
+    which seeds plant, car and the manoeuvre's size are drawn, "training" or "test", and ``draw``
+    counts the draws; without a split the plant is the nominal one and the manoeuvre the paper's.
     """
 
     plant: str
@@ -43,13 +48,20 @@ class Case:
     arm: str
     linear: bool = False
     prompt: bool = False
+    split: str = ""
+    draw: int = 0
+
+    @property
+    def place(self) -> str:
+        """A name of what is driven, whoever controls it."""
+        marks = ("_linear" if self.linear else "") + ("_prompt" if self.prompt else "")
+        marks += f"_{self.split}{self.draw}" if self.split else ""
+        return f"{self.plant}_{self.causality}_{self.speed_kmh:03.0f}_{self.manoeuvre}_{self.arm}{marks}"
 
     @property
     def name(self) -> str:
-        """A name that can be a file's."""
-        marks = ("_linear" if self.linear else "") + ("_prompt" if self.prompt else "")
-        where = f"{self.plant}_{self.causality}_{self.speed_kmh:03.0f}_{self.manoeuvre}_{self.arm}"
-        return f"{where}{marks}_{self.controller}"
+        """A name of the whole case."""
+        return f"{self.place}_{self.controller}"
 
 
 def grid(
@@ -84,36 +96,75 @@ def prompt_plant(plant: Plant) -> Plant:
     return replace(plant, motor=motor, sensors=sensors)
 
 
-def episode_of(case: Case, reference: Reference, seed: int) -> Episode:
-    """Drive one case. Noise follows from the seed and the case, so the order does not matter."""
-    plant = PLANTS[case.plant]
+def number_of(name: str) -> int:
+    """A number that follows from a name alone, on every machine."""
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big")
+
+
+def draw_seed(case: Case, seeds: Sequence[int]) -> int:
+    """The seed of a case's plant: inside ``seeds`` (first, end), the same for every controller."""
+    return seeds[0] + number_of(case.place) % (seeds[1] - seeds[0])
+
+
+def task_of(case: Case, reference: Reference, seeds: Sequence[int] = ()) -> Task:
+    """What is driven; a case with a split draws its plant, car, arm and size from ``seeds``."""
+    plant: Plant = PLANTS[case.plant]
     if case.prompt:
         plant = prompt_plant(plant)
-    task = Task(
+    driver, car = DRIVERS.get(case.arm), CarSpread()
+    randomise: tuple[str, ...] = ()
+    if case.split:
+        rng = np.random.default_rng(draw_seed(case, seeds))
+        plant, car = plant.drawn(rng), random_car(rng)
+        driver = driver or random_driver(rng)
+        randomise = ("manoeuvre",)
+    return Task(
         plant=plant,
         causality=case.causality,
         reference=reference,
         linear=case.linear,
+        car_spread=car,
         manoeuvre=case.manoeuvre,
         speed_kmh=case.speed_kmh,
-        driver=case.arm,
+        driver=driver or case.arm,
+        randomise=randomise,
     )
-    controller = controllers.make(
-        case.controller, plant, Reference.load(reference, case.linear), case.causality
-    )
-    own = int.from_bytes(hashlib.sha256(case.name.encode()).digest()[:4], "big")
-    return run(task, controller, (seed, own), SETTLE_S)
 
 
-def result_of(case: Case, reference: Reference, seed: int) -> dict[str, Any]:
-    """Scores and plot data of one case as plain JSON values; scores are None where unstable."""
-    episode = episode_of(case, reference, seed)
+def episode_of(
+    case: Case, reference: Reference, seed: int, seeds: Sequence[int] = (), make: Maker | None = None
+) -> Episode:
+    """Drive one case; ``make`` stands in for the controller of that name.
+
+    Noise follows from the seed and the place: the order does not matter, and all controllers get the same.
+    The controller knows the nominal plant.
+    """
+    task = task_of(case, reference, seeds)
+    make = make or partial(controllers.make, case.controller)
+    assert isinstance(task.plant, Plant)
+    controller = make(task.plant.believed(), Reference.load(reference, case.linear), case.causality)
+    return run(task, controller, (seed, number_of(case.place)), SETTLE_S)
+
+
+def trial_of(case: Case, episode: Episode) -> Trial:
+    """What the metrics look at."""
+    return Trial(episode, case.causality, case.linear, case.manoeuvre)
+
+
+def result_of(
+    case: Case, reference: Reference, seed: int, seeds: Sequence[int] = (), make: Maker | None = None
+) -> dict[str, Any]:
+    """Scores and plot data of one case as plain JSON values; no scores where unstable."""
+    episode = episode_of(case, reference, seed, seeds, make)
     result: dict[str, Any] = {"case": asdict(case), "stable": episode.stable}
     if not episode.stable:
         return {**result, "scores": {}, "plot": {}, "stopped_after_s": float(episode["time"][-1])}
-    trial = Trial(episode, case.causality, case.linear, case.manoeuvre)
+    trial = trial_of(case, episode)
     scores = {k: v if np.isfinite(v) else None for k, v in score(trial).items()}
-    plot = _response(trial) if case.manoeuvre == MANOEUVRES[0] else _loops(trial)
+    if case.split:
+        plot = compact_plot(trial) if case.draw == 0 else {}
+    else:
+        plot = _response(trial) if case.manoeuvre == MANOEUVRES[0] else _loops(trial)
     return {**result, "scores": scores, "plot": plot}
 
 
@@ -138,24 +189,3 @@ def _loops(trial: Trial) -> dict[str, Any]:
         plot[f"{name}_angle_deg"] = np.degrees(angle[-cycle - 1 :: step]).tolist()
         plot[f"{name}_torque_Nm"] = torque[-cycle - 1 :: step].tolist()
     return plot
-
-
-def key_of(case: Case, reference: Reference, seed: int) -> str:
-    """A hash of everything a result depends on: the case, the reference, the seed, the code."""
-    digest = hashlib.sha256(json.dumps([asdict(case), seed], sort_keys=True).encode())
-    digest.update(reference.table.tobytes())
-    digest.update(_code())
-    return digest.hexdigest()[:12]
-
-
-@cache
-def _code() -> bytes:
-    root = Path(__file__).resolve().parents[1]
-    digest = hashlib.sha256()
-    folders = [root / "steer_env", root / "controllers"]
-    files = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
-    names = ("bench_cases", "measures", "metrics", "rollout")
-    files += [root / "experiments" / f"{name}.py" for name in names]
-    for path in [*files, root / "identification" / "frf.py"]:
-        digest.update(path.read_bytes())
-    return digest.digest()

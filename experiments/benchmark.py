@@ -1,8 +1,8 @@
-"""Score controllers on plants x references x manoeuvres: steer-env benchmark.
+"""Score, judge and rank controllers: steer-env benchmark.
 
-Every case is one compiled episode whose noise follows from the seed and the case's name: the same
-bits whatever --jobs. Results are kept one by one in OUT/cases, under a key made from everything
-they depend on, so an interrupted run resumes and a changed controller is run anew.
+Scored are the test cases of the protocol (benchmark_v1.json); beside them stand exhibits on the
+nominal plant (the paper's Figures 9 to 11) that are drawn but not scored. Every case is one compiled
+episode whose plant and noise follow from seeds and the case's name: the same bits whatever --jobs.
 """
 
 from __future__ import annotations
@@ -11,65 +11,62 @@ import csv
 import io
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
 import click
 
+import controllers
 from experiments import bench_cases
-from experiments.bench_cases import Case
+from experiments.bench_cases import Case, Maker
+from experiments.bench_gates import gates_of
+from experiments.bench_protocol import Protocol
+from experiments.bench_ranking import Standing, case_score, standings
+from experiments.bench_run import run_cases
 from experiments.bench_verdict import Verdict, verdicts
 from experiments.cli_options import common_options, print_json, print_table, progress
 from experiments.metrics import METRICS
 from steer_env import __version__, atomic
+from steer_env.errors import InputError
 from steer_env.plants import Reference
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 Result = dict[str, Any]
+Advance = Callable[..., None]
 
 
 def benchmark(
-    cases: Sequence[Case],
+    names: Sequence[str | tuple[str, Maker]] = tuple(controllers.CONTROLLERS),
     reference: Reference | None = None,
+    *,
+    quick: bool = False,
     seed: int = 0,
     jobs: int = 1,
-    store: Path | None = None,
-    advance: Callable[..., None] = lambda **_: None,
-) -> list[Result]:
-    """Results in the order of the cases: case, stable, scores by metric name, plot data.
+    out: Path | None = None,
+    ray: str | None = None,
+    advance: Advance = lambda *_, **__: None,
+) -> dict[str, Any]:
+    """Everything the benchmark finds, as written to scores.json (and to ``out``, if given).
 
-    Compiled episodes run outside Python's lock, so threads share one compilation. ``store`` keeps
-    finished cases and takes what is already there.
+    ``names`` are rows of CONTROLLERS, FILE.py:NAME, or pairs (name, make) with a make(plant,
+    reference, causality) -> Controller of your own.
     """
-    chosen = reference or Reference.load("published")
-
-    def one(case: Case) -> Result:
-        kept = _path(store, case, chosen, seed)
-        if kept is not None and kept.exists():
-            result: Result = json.loads(kept.read_text("utf-8"))
-            return result
-        result = bench_cases.result_of(case, chosen, seed)
-        if kept is not None:
-            atomic.write_text(kept, json.dumps(result, allow_nan=False))
-        return result
-
-    pool = ThreadPoolExecutor(jobs)
-    try:
-        waiting = {pool.submit(one, case): case for case in cases}
-        for done in as_completed(waiting):
-            done.result()
-            advance(note=waiting[done].name)
-        return [future.result() for future in waiting]
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+    protocol, chosen = Protocol.load(), reference or Reference.load("published")
+    makers = {pair[0]: pair[1] for pair in names if not isinstance(pair, str)}
+    plain = [name if isinstance(name, str) else name[0] for name in names]
+    cases = cases_of(plain, protocol, quick)
+    store = None if out is None else out / "cases"
+    results = run_cases(cases, chosen, seed, jobs, store, advance, makers, ray)
+    gates, proof = gates_of(plain, chosen, results, makers, quick, jobs, advance)
+    return write_scores(out, results, chosen.source, seed, gates, proof, quick)
 
 
-def _path(store: Path | None, case: Case, reference: Reference, seed: int) -> Path | None:
-    if store is None:
-        return None
-    return store / f"{case.name}-{bench_cases.key_of(case, reference, seed)}.json"
+def cases_of(names: Sequence[str], protocol: Protocol, quick: bool) -> list[Case]:
+    """Exhibits and test cases of controllers."""
+    speed = bench_cases.LINEAR_SPEED_KMH
+    exhibits = bench_cases.grid(names, (speed,), ("relaxed",) if quick else bench_cases.ARMS)
+    return [*exhibits, *(case for name in names for case in protocol.test_cases(name, quick))]
 
 
 @click.command()
@@ -81,64 +78,146 @@ def _path(store: Path | None, case: Case, reference: Reference, seed: int) -> Pa
     metavar="FILE",
     help='A reference.json, or "published".',
 )
-@click.option("--quick", is_flag=True, help="Only 75 km/h and the relaxed arm.")
+@click.option("--quick", is_flag=True, help="Only 75 km/h, the relaxed arm and one draw of each plant.")
+@click.option(
+    "--controller",
+    "own",
+    multiple=True,
+    metavar="NAME",
+    help="One more controller: FILE.py:NAME of your own, or passivity:NAME. May be given again.",
+)
+@click.option("--only", default="", metavar="NAMES", help="Of the shipped ones only these (with commas between).")
+@click.option("--ray", default=None, metavar="ADDRESS", help='Spread the cases over a Ray cluster ("auto": this one).')
 @common_options
 def command(
-    source: str, quick: bool, out: Path, seed: int, jobs: int, quiet: bool, as_json: bool
+    source: str,
+    quick: bool,
+    own: tuple[str, ...],
+    only: str,
+    ray: str | None,
+    out: Path,
+    seed: int,
+    jobs: int,
+    quiet: bool,
+    as_json: bool,
 ) -> None:
-    """Score controllers on tracking a reference.
+    """Rank controllers by how closely a wheel feels like its reference, and prove them stable.
 
-    EPAS and steer-by-wire, impedance and admittance, 45, 75 and 105 km/h, chirp and 0.2 Hz sine,
-    relaxed and tense arm; at 75 km/h also against the linear reference (the paper's Figure 9).
-    Writes scores.json, scores.csv and report.html.
+    EPAS and steer-by-wire, impedance and admittance, seven speeds, three arms, six manoeuvres, plants
+    drawn from their spread. Writes scores.json, scores.csv and report.html. An interrupted run goes on
+    where it was.
     """
     reference = Reference.load(source)
-    speeds, arms = ((75.0,), ("relaxed",)) if quick else (bench_cases.SPEEDS_KMH, bench_cases.ARMS)
-    cases = bench_cases.grid(speeds_kmh=speeds, arms=arms)
-    with progress("benchmark", total=len(cases), quiet=quiet) as advance:
-        results = benchmark(cases, reference, seed, jobs, out / "cases", advance)
-    summary = write_scores(out, results, source, seed)
+    names = [*_shipped(only), *own]
+    for name in own:
+        controllers.maker(name)  # a misspelt name ends here, not after minutes
+    total = len(cases_of(names, Protocol.load(), quick)) + len(names)
+    with progress("benchmark", total=total, quiet=quiet) as advance:
+        summary = benchmark(
+            names, reference, quick=quick, seed=seed, jobs=jobs, out=out, ray=ray, advance=advance
+        )
     if as_json:
         print_json({k: v for k, v in summary.items() if k != "results"})
-    else:
-        print_table(*short_table(verdicts(results)), title=f"Report: {out / 'report.html'}")
+        return
+    print_table(*ranking_table([Standing(**row) for row in summary["ranking"]]), title="All systems")
+    click.echo(f"Report: {out / 'report.html'}")
 
 
-def write_scores(out: Path, results: Sequence[Result], source: str, seed: int) -> dict[str, Any]:
-    """scores.json, scores.csv and report.html, each whole or not at all; returns the first's content."""
-    from experiments.report.benchmark import make_report  # plotly loads when something is drawn
+def _shipped(only: str) -> list[str]:
+    names = [name.strip() for name in only.split(",") if name.strip()]
+    for name in names:
+        if name not in controllers.CONTROLLERS:
+            known = ", ".join(controllers.CONTROLLERS)
+            raise InputError("--only", f"{name!r} is not known", f"use names out of {known}")
+    return names or list(controllers.CONTROLLERS)
 
-    found = verdicts(results)
+
+def write_scores(
+    out: Path | None,
+    results: Sequence[Result],
+    source: str,
+    seed: int,
+    gates: dict[str, list[str]],
+    proof: dict[str, Any],
+    quick: bool = False,
+) -> dict[str, Any]:
+    """The content of scores.json; with ``out`` also the three files, each whole or not at all."""
+    protocol = Protocol.load()
+    scored = [result for result in results if result["case"]["split"] == "test"]
+    exhibits = [result for result in results if not result["case"]["split"]]
+    systems = dict.fromkeys((r["case"]["plant"], r["case"]["causality"]) for r in scored)
+    found = verdicts(exhibits)
     summary = {
         "schema_version": SCHEMA_VERSION,
         "software_version": __version__,
+        "protocol": protocol.name + (" (quick)" if quick else ""),
         "reference": source,
         "seed": seed,
+        "ranking": [s._asdict() for s in standings(scored, protocol, gates, seed)],
+        "systems": [
+            {"plant": plant, "causality": causality, "ranking": [s._asdict() for s in here]}
+            for plant, causality in systems
+            for here in [standings(_of(scored, plant, causality), protocol, gates_at(gates, plant, causality), seed)]
+        ],
         "verdicts": [verdict._asdict() for verdict in found],
+        **proof,
         "metrics": {name: {"unit": m.unit, "meaning": m.meaning} for name, m in METRICS.items()},
-        "results": [{k: v for k, v in result.items() if k != "plot"} for result in results],
+        "results": [
+            {**{k: v for k, v in r.items() if k != "plot"}, "score": case_score(r, protocol)}
+            if r["case"]["split"]
+            else {k: v for k, v in r.items() if k != "plot"}
+            for r in results
+        ],
     }
-    atomic.write_text(out / "scores.json", json.dumps(summary, indent=1, allow_nan=False) + "\n")
-    atomic.write_text(out / "scores.csv", csv_of(results))
-    make_report(results, found, source, seed).write(out / "report.html")
+    if out is not None:
+        from experiments.report.benchmark import make_report  # plotly loads when something is drawn
+
+        text = json.dumps(summary, allow_nan=False, separators=(",", ":"))
+        atomic.write_text(out / "scores.json", text.replace('{"case"', '\n{"case"') + "\n")
+        atomic.write_text(out / "scores.csv", csv_of(results))
+        make_report(summary, exhibits, scored).write(out / "report.html")
     return summary
 
 
+def gates_at(gates: dict[str, list[str]], plant: str, causality: str) -> dict[str, list[str]]:
+    """The reasons that concern one system; each begins with the system's name."""
+    where = f"{plant} {causality}"
+    return {name: [reason for reason in reasons if reason.startswith(where)] for name, reasons in gates.items()}
+
+
+def _of(results: Sequence[Result], plant: str, causality: str) -> list[Result]:
+    return [r for r in results if (r["case"]["plant"], r["case"]["causality"]) == (plant, causality)]
+
+
 def csv_of(results: Sequence[Result]) -> str:
-    """One line per case: what it is, whether it was stable, every metric (empty: not defined)."""
+    """One line per case: what it is, its score, whether it was stable, every metric (empty: not defined)."""
+    protocol = Protocol.load()
     fields = list(Case.__dataclass_fields__)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*fields, "stable", *METRICS])
+    writer.writerow([*fields, "stable", "score_jnd", *METRICS])
     for result in results:
         scores = [result["scores"].get(name) for name in METRICS]
         row = [result["case"][field] for field in fields]
-        writer.writerow([*row, result["stable"], *("" if v is None else repr(v) for v in scores)])
+        score = repr(case_score(result, protocol)) if result["case"]["split"] else ""
+        writer.writerow([*row, result["stable"], score, *("" if v is None else f"{v:.7g}" for v in scores)])
     return text.getvalue()
 
 
+def ranking_table(found: Sequence[Standing]) -> tuple[list[str], list[list[object]]]:
+    """Columns and rows of the ranking on stdout."""
+    columns = ["rank", "95 %", "controller", "JND", "95 % of JND", "best", "unstable", "gate"]
+    rows: list[list[object]] = [
+        [s.rank, f"{s.rank_interval[0]}-{s.rank_interval[1]}", s.controller, f"{s.score:.2f}",
+         f"{s.score_interval[0]:.2f}-{s.score_interval[1]:.2f}", f"{100.0 * s.chance_of_best:.0f} %",
+         f"{s.unstable} of {s.cases}", "safe" if s.safe else f"unsafe: {s.why_unsafe[0]}"]
+        for s in found
+    ]  # fmt: skip
+    return columns, rows
+
+
 def short_table(found: Sequence[Verdict]) -> tuple[list[str], list[list[object]]]:
-    """Columns and rows of the table on stdout, one row per plant and causality."""
+    """Columns and rows of the verdicts on the nominal plant, one row per plant and causality."""
     columns = ["plant", "causality", "controller", "error", "map error", "dB", "deg", "verdict"]
     rows: list[list[object]] = [
         [v.plant, v.causality, v.controller, _percent(v.error), _factor(v.factor),

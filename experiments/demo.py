@@ -21,6 +21,7 @@ from typing import Any
 import click
 
 from experiments import bench_cases, benchmark, identify, simulate
+from experiments.bench_run import run_cases
 from experiments.bench_verdict import verdicts
 from experiments.cli_options import common_options, print_json, print_table, progress
 from steer_env import atomic
@@ -54,8 +55,8 @@ def command(out: Path, seed: int, jobs: int, quiet: bool, as_json: bool) -> None
         found = identify.identify_into(out / "identified", campaign, Options(MODES), jobs, advance)
         reference = Reference.load(out / "identified" / "reference.json")
         store = out / "benchmark" / "cases"
-        results = benchmark.benchmark(cases, reference, seed, jobs, store, advance)
-        benchmark.write_scores(out / "benchmark", results, reference.source, seed)
+        results = run_cases(cases, reference, seed, jobs, store, advance)
+        benchmark.write_scores(out / "benchmark", results, reference.source, seed, {}, {})
         truth = json.loads((out / "campaign" / "truth.json").read_text("utf-8"))["rows"]
         judged = judgement(found, truth)
         write_demo_report(out, found, judged, results, seed)

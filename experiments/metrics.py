@@ -2,206 +2,125 @@
 
 Compared are true signals: in impedance the torsion-bar torque with the ideal torque at the true
 motion, in admittance the pinion angle with the ideal angle under the true torque (Truth.reference).
-To add a metric, write a function of a ``Trial`` and add a row to METRICS; a test gives it a case
-whose answer is known.
+The ``felt_`` rows compare torques at the true motion in both, so that the two can be held against
+each other. To add a metric, write a function of a ``Trial`` and add a row to METRICS; a test gives
+it a case whose answer is known. A metric that an episode cannot tell is NaN; it never raises.
+
+Margins, the radius of coupled stability and the Z-width are properties of a loop and a set of arms,
+not of an episode, and are not here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 
 from experiments import measures
-from experiments.measures import Array, Complexes, ResponseError, rms
-from experiments.rollout import Episode
-from identification.frf import FrequencyResponse, frequency_response, spectra
+from experiments.measures import JND, Array, percentile_95, ratio, rms
+from experiments.metrics_feel import FEEL_ROWS
+from experiments.metrics_response import RESPONSE_ROWS
+from experiments.metrics_row import ANY, Metric
+from experiments.metrics_trial import BAND_HZ, REQUIRED_BAND_HZ, RIPPLE_HZ, Trial, analytic_response, response
 from steer_env.envs.layout import PERIOD
-from steer_env.physics import linear
 from steer_env.units import to_deg
 
-BAND_HZ = (0.2, 5.0)  # FRF scores
-REQUIRED_BAND_HZ = (0.2, 4.0)  # where 1.5 dB and 10 deg against the linear reference are asked for
-RIPPLE_HZ = 20.0  # what moves faster is ripple, not steering
+__all__ = ["BAND_HZ", "METRICS", "REQUIRED_BAND_HZ", "Metric", "Trial", "analytic_response", "response", "score"]
+
+AT_LIMIT = 0.999  # share of a limit that counts as reaching it
 
 
-@dataclass(frozen=True)
-class Trial:
-    """One episode and what it has to be compared with."""
-
-    episode: Episode
-    causality: str
-    linear: bool
-    manoeuvre: str
-
-    @cached_property
-    def achieved(self) -> tuple[Array, Array]:
-        """(Pinion angle [n] rad, torsion-bar torque [n] N m) as they were."""
-        return self.episode["pinion_angle"], self.episode["torsion_bar_torque"]
-
-    @cached_property
-    def ideal(self) -> tuple[Array, Array]:
-        """The same, but the one that is tracked replaced by its ideal."""
-        angle, torque = self.achieved
-        wanted = self.episode["reference"]
-        return (angle, wanted) if self.causality == "impedance" else (wanted, torque)
-
-    @cached_property
-    def response(self) -> FrequencyResponse:
-        """Achieved angle over torque."""
-        return response(self.episode["steering_torque"], *self.achieved)
-
-    @cached_property
-    def reference_response(self) -> Complexes:
-        """Reference at the points of ``response``: Eq. 10 if linear, else from the same run."""
-        achieved = self.response
-        if not self.linear:
-            same = response(self.episode["steering_torque"], *self.ideal)
-            return same.all_value[achieved.point]
-        return achieved.average(analytic_response(self.episode, achieved.line_frequency))
-
-    def error(self, band: tuple[float, float]) -> ResponseError:
-        """Error of the response inside a band in Hz."""
-        H = self.response
-        return measures.response_error(H.frequency, H.value, self.reference_response, band)
-
-    def loop(self, of_ideal: bool) -> tuple[Array, Array]:
-        """(Angle, torque) of a sine manoeuvre after its first cycle."""
-        p = self.episode.part("manoeuvre")
-        start = round((p.lead_in + 1.0 / p.frequency) / PERIOD)
-        end = round((p.lead_in + p.duration) / PERIOD)
-        angle, torque = self.ideal if of_ideal else self.achieved
-        return angle[start:end], torque[start:end]
-
-
-@dataclass
-class _Recording:
-    dt: float
-    channels: dict[str, Array]
-
-
-def response(instrument: Array, angle: Array, torque: Array) -> FrequencyResponse:
-    """Angle over torque in rad/(N m) by Eq. 5, the wheel torque as instrument.
-
-    Only points with gamma^2 > 0.72 are kept.
-    """
-    channels = {
-        "steering_torque_Nm": instrument,
-        "torsion_bar_torque_Nm": torque,
-        "pinion_angle_rad": angle,
-    }
-    data = spectra([_Recording(PERIOD, channels)], list(channels))
-    return frequency_response(data, "steering_torque_Nm", "torsion_bar_torque_Nm", "pinion_angle_rad", "angle / torque")
-
-
-def analytic_response(episode: Episode, frequency_Hz: Array) -> Complexes:
-    """Eq. 10 from torsion-bar torque to pinion angle in rad/(N m), any shape of frequencies."""
-    speed = float(episode["speed"][0])
-    p = episode.setup.reference.at(speed)
-    matrices = linear.reference_matrices(speed, p, 1.0 + p.k_gain)
-    values = linear.frequency_response(matrices, frequency_Hz.ravel())[:, 0, 0]
-    return values.reshape(frequency_Hz.shape)
-
-
-def _tracking(t: Trial) -> float:
-    error = rms(t.episode["error"])
+def _tracking(t: Trial, of: Callable[[Array], float] = rms) -> float:
+    error = of(t.episode["error"])
     return error if t.causality == "impedance" else to_deg(error)
 
 
-def _relative(t: Trial) -> float:
-    reference = rms(t.episode["reference"])
-    return rms(t.episode["error"]) / reference if reference > 0.0 else float("nan")
+def _relative(t: Trial, of: Callable[[Array], float] = rms) -> float:
+    return ratio(of(t.episode["error"]), rms(t.episode["reference"]))
 
 
-def _magnitude(t: Trial) -> float:
-    error = t.error(BAND_HZ)
-    return measures.log_rms(error.frequency, error.magnitude)
+def _felt_error(t: Trial) -> Array:
+    return t.episode["torsion_bar_torque"] - t.felt
 
 
-def _phase(t: Trial) -> float:
-    error = t.error(BAND_HZ)
-    return measures.log_rms(error.frequency, error.phase)
+def _energy_gap(t: Trial) -> float:
+    """The port is the lower end of the torsion bar: wheel and bar above it are the same for the reference."""
+    return measures.energy_gap(t.episode["torsion_bar_torque"], t.felt, t.episode["pinion_rate"], PERIOD)
 
 
-def _complex(t: Trial) -> float:
-    H, reference = t.response, t.reference_response
-    inside = (H.frequency >= BAND_HZ[0]) & (H.frequency <= BAND_HZ[1])
-    share = np.abs(H.value - reference) / np.abs(reference)
-    return measures.log_mean(H.frequency[inside], share[inside])
+def _hand(t: Trial) -> Array:
+    return t.episode["steering_torque"][t.held]
 
 
-def _worst(values: Array) -> float:
-    return float(np.abs(values).max()) if values.size else float("nan")
+def _peak_to_peak(t: Trial) -> float:
+    return float(np.ptp(t.ripple)) if t.ripple.size else float("nan")
 
 
-def _stiffness(t: Trial, of_ideal: bool) -> float:
-    return measures.centre_slope(*t.loop(of_ideal)) / to_deg(1.0)
-
-
-def _torque_width(t: Trial, of_ideal: bool) -> float:
-    angle, torque = t.loop(of_ideal)
-    return measures.half_width(angle, torque)
-
-
-def _angle_width(t: Trial, of_ideal: bool) -> float:
-    angle, torque = t.loop(of_ideal)
-    return to_deg(measures.half_width(torque, angle))
-
-
-def _area(t: Trial, of_ideal: bool) -> float:
-    angle, torque = t.loop(of_ideal)
-    cycles = round(angle.size * PERIOD * t.episode.part("manoeuvre").frequency)
-    return measures.loop_area(angle, torque, cycles)
+def _power(t: Trial) -> float:
+    shaft_rate = t.episode.part("steering").motor_ratio * t.episode["pinion_rate"]
+    return float(np.mean(np.abs(t.episode["motor_torque"] * shaft_rate)))
 
 
 def _saturation(t: Trial) -> float:
     limit = t.episode.part("motor").rated_torque
-    return float(np.mean(np.abs(t.episode["command"]) >= 0.999 * limit))
+    return float(np.mean(np.abs(t.episode["command"]) >= AT_LIMIT * limit))
 
 
-def _ripple(t: Trial) -> float:
-    return rms(measures.high_passed(t.episode["torsion_bar_torque"], RIPPLE_HZ, PERIOD))
+def _slew_saturation(t: Trial) -> float:
+    limit = t.episode.part("motor").slew_rate * PERIOD
+    return float(np.mean(np.abs(np.diff(t.episode["command"], prepend=0.0)) >= AT_LIMIT * limit))
 
-
-class Metric(NamedTuple):
-    """A row of METRICS: unit, meaning, the manoeuvre it needs ("" for any), its function."""
-
-    unit: str
-    meaning: str
-    manoeuvre: str
-    measure: Callable[[Trial], float]
-
-
-_CHIRP, _SINE = "frequency_response", "steady_state"
-_OURS, _THEIRS = "achieved", "of the reference"
 
 METRICS: dict[str, Metric] = {
-    "tracking_error": Metric("N m or deg", "rms error of the tracked signal", "", _tracking),
-    "tracking_relative": Metric("-", "that over the rms of the reference", "", _relative),
-    "frf_magnitude": Metric("dB", "rms error over log f, 0.2-5 Hz", _CHIRP, _magnitude),
-    "frf_phase": Metric("deg", "rms error over log f, 0.2-5 Hz", _CHIRP, _phase),
-    "frf_complex": Metric("-", "mean |H - Href| / |Href| over log f", _CHIRP, _complex),
-    "worst_magnitude": Metric("dB", "largest, 0.2-4 Hz", _CHIRP, lambda t: _worst(t.error(REQUIRED_BAND_HZ).magnitude)),
-    "worst_phase": Metric("deg", "largest, 0.2-4 Hz", _CHIRP, lambda t: _worst(t.error(REQUIRED_BAND_HZ).phase)),
-    "torque_hysteresis": Metric("N m", _OURS, _SINE, lambda t: _torque_width(t, False)),
-    "torque_hysteresis_reference": Metric("N m", _THEIRS, _SINE, lambda t: _torque_width(t, True)),
-    "angle_hysteresis": Metric("deg", _OURS, _SINE, lambda t: _angle_width(t, False)),
-    "angle_hysteresis_reference": Metric("deg", _THEIRS, _SINE, lambda t: _angle_width(t, True)),
-    "on_centre_stiffness": Metric("N m/deg", _OURS, _SINE, lambda t: _stiffness(t, False)),
-    "on_centre_stiffness_reference": Metric("N m/deg", _THEIRS, _SINE, lambda t: _stiffness(t, True)),
-    "loop_area": Metric("J", _OURS, _SINE, lambda t: _area(t, False)),
-    "loop_area_reference": Metric("J", _THEIRS, _SINE, lambda t: _area(t, True)),
-    "effort": Metric("N m", "rms motor torque", "", lambda t: rms(t.episode["motor_torque"])),
-    "saturation": Metric("-", "share of time at the motor's torque limit", "", _saturation),
-    "ripple": Metric("N m", "rms torsion-bar torque above 20 Hz", "", _ripple),
-}
+    "tracking_error": Metric("N m or deg", "rms error of the tracked signal", ANY, _tracking),
+    "tracking_relative": Metric("-", "that over the rms of the reference", ANY, _relative),
+    "tracking_jnd": Metric("JND", "tracking_relative over 15 %", ANY, lambda t: _relative(t) / JND),
+    "tracking_p95": Metric(
+        "N m or deg", "95th percentile of the tracked signal's error", ANY, partial(_tracking, of=percentile_95)
+    ),
+    "tracking_p95_relative": Metric(
+        "-", "that over the rms of the reference", ANY, partial(_relative, of=percentile_95)
+    ),
+    "felt_torque_error": Metric(
+        "N m", "rms of torsion-bar torque minus the reference's at the true motion", ANY,
+        lambda t: rms(_felt_error(t)),
+    ),
+    "felt_torque_p95": Metric("N m", "95th percentile of that", ANY, lambda t: percentile_95(_felt_error(t))),
+    "felt_torque_jnd": Metric(
+        "JND", "felt_torque_error over 15 % of the rms of the reference's torque", ANY,
+        lambda t: ratio(rms(_felt_error(t)), JND * rms(t.felt)),
+    ),
+    **RESPONSE_ROWS,
+    **FEEL_ROWS,
+    "passivity_gap_energy": Metric(
+        "J", "least energy kept beyond what the reference keeps at the same motion", ANY, _energy_gap, "higher"
+    ),
+    "ripple": Metric("N m", "rms torsion-bar torque above 20 Hz", ANY, lambda t: rms(t.ripple)),
+    "ripple_peak_to_peak": Metric("N m", "range of torsion-bar torque above 20 Hz", ANY, _peak_to_peak),
+    "hand_ripple": Metric(
+        "N m", "rms driver torque above 20 Hz, while he steers", ANY,
+        lambda t: rms(measures.high_passed(_hand(t), RIPPLE_HZ, PERIOD)),
+    ),
+    "jerk": Metric(
+        "N m/s", "rms rate of the torsion-bar torque", ANY,
+        lambda t: rms(np.diff(t.episode["torsion_bar_torque"]) / PERIOD),
+    ),
+    "hand_jerk": Metric(
+        "N m/s", "rms rate of the driver torque, while he steers", ANY,
+        lambda t: rms(np.diff(_hand(t)) / PERIOD),
+    ),
+    "effort": Metric("N m", "rms motor torque", ANY, lambda t: rms(t.episode["motor_torque"])),
+    "motor_power": Metric("W", "mean |motor torque x shaft rate|", ANY, _power),
+    "saturation": Metric("-", "share of time at the motor's torque limit", ANY, _saturation),
+    "slew_saturation": Metric("-", "share of time at the motor's slew limit", ANY, _slew_saturation),
+}  # fmt: skip
 
 
 def score(trial: Trial) -> dict[str, float]:
     """Every metric that applies to the trial's manoeuvre, by name."""
     return {
-        name: metric.measure(trial) for name, metric in METRICS.items() if metric.manoeuvre in ("", trial.manoeuvre)
+        name: metric.measure(trial)
+        for name, metric in METRICS.items()
+        if not metric.manoeuvres or trial.manoeuvre in metric.manoeuvres
     }

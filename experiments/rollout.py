@@ -47,7 +47,10 @@ def first_observation(setup: Setup) -> Observation:
 def run(
     task: Task, controller: Controller, seed: int | Sequence[int] = 0, settle: float = 0.0
 ) -> Episode:
-    """Run a task and ``settle`` seconds of rest after it; the same seed gives the same bits."""
+    """Run a task and ``settle`` seconds of rest after it; the same seed gives the same bits.
+
+    A controller without a pure ``law`` is called once per period, which takes some fifty times as long.
+    """
     rng = np.random.default_rng(seed)
     setup = prepare(task, rng, PERIOD)
     parameters, states, lines = batch.new_rows(1)
@@ -55,23 +58,38 @@ def run(
     batch.start_batch(parameters, states, lines, setup.table, setup.car_table)
     periods = setup.periods + round(settle / PERIOD)
     signals = np.zeros((periods, len(Truth._fields)))
+    noise = rng.standard_normal((periods, 2))
     controller.reset(PERIOD)
-    ran = _rollout_of(controller.law)(
-        controller.state(),
-        controller.parameters,
-        first_observation(setup),
-        rng.standard_normal((periods, 2)),
-        parameters[0],
-        states[0],
-        lines[0],
-        setup.table,
-        setup.car_table,
-        signals,
-    )
+    if hasattr(controller, "law"):
+        rows = (parameters[0], states[0], lines[0], setup.table, setup.car_table)
+        start = (controller.state(), controller.parameters, first_observation(setup))
+        ran = rollout_of(controller.law)(*start, noise, *rows, signals)
+    else:
+        ran = _step_by_step(controller, setup, noise, (parameters, states, lines), signals)
     unstable = signals[ran - 1, Truth._fields.index("unstable")] > 0.5
     return Episode(setup, signals[:ran], not unstable)
 
 
+def _step_by_step(
+    controller: Callable[[Observation], float],
+    setup: Setup,
+    noise: Array,
+    rows: tuple[Array, Array, Array],
+    signals: Array,
+) -> int:
+    """The same episode with the controller in Python: fills ``signals``, returns how many periods ran."""
+    seen = np.array([first_observation(setup)])
+    scales, scaled, unstable = np.ones(seen.shape), np.zeros(seen.shape, np.float32), Truth._fields.index("unstable")
+    for k in range(len(signals)):
+        command = np.array([float(controller(Observation(*seen[0].tolist())))])
+        tables = (setup.table, setup.car_table)
+        batch.step_batch(command, noise[k : k + 1], *rows, *tables, scales, seen, scaled, signals[k : k + 1])
+        if signals[k, unstable] > 0.5:
+            return k + 1
+    return len(signals)
+
+
 @cache
-def _rollout_of(law: Law) -> Callable[..., int]:
+def rollout_of(law: Law) -> Callable[..., int]:
+    """The compiled episode around a law; see ``batch.make_rollout``."""
     return batch.make_rollout(law)

@@ -114,12 +114,17 @@ class FrequencyResponse:
         )  # fmt: skip
 
 
-def spectra(runs: Sequence[Recording], channels: Sequence[str]) -> Spectra:
-    """Transform the runs of one manoeuvre; records are cut to the shortest so that they share their lines."""
+def spectra(
+    runs: Sequence[Recording], channels: Sequence[str], band: tuple[float, float] = BAND_HZ
+) -> Spectra:
+    """Transform the runs of one manoeuvre; records are cut to the shortest so that they share their lines.
+
+    Kept are the lines inside ``band`` in Hz.
+    """
     length = min(run.channels[name].size for run in runs for name in channels)
     dt = runs[0].dt
     frequency = np.fft.rfftfreq(length, dt)
-    inside = (frequency >= BAND_HZ[0]) & (frequency <= BAND_HZ[1])
+    inside = (frequency >= band[0]) & (frequency <= band[1])
     windows = [_window(run, length) for run in runs]
     lines = {
         name: np.array(

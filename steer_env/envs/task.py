@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.envs.layout import LINE_LENGTH, PARAMETERS, CarSpread, Episode, Reward
+from steer_env.envs.layout import PARAMETERS, CarSpread, Episode, Reward
 from steer_env.errors import InputError
 from steer_env.manoeuvres import MANOEUVRES, kind_of
 from steer_env.physics.driver import Driver
@@ -42,6 +42,7 @@ class Task:
     duration: s after the lead-in; None takes the manoeuvre's.
     randomise: names out of RANDOMISABLE, "all", or nothing; drawn anew at each reset from the
         environment's own generator.
+    car_spread: factors on the car, where it is not drawn.
     """
 
     plant: str | Plant = "EPAS"
@@ -57,6 +58,7 @@ class Task:
     randomise: str | Iterable[str] = ()
     sensors: Sensors | None = None
     reward: Reward = field(default_factory=Reward)
+    car_spread: CarSpread = field(default_factory=CarSpread)
 
     def changed(self, options: dict[str, Any]) -> Task:
         """The task with some choices replaced; an unknown name is an InputError."""
@@ -69,7 +71,10 @@ class Task:
 
 @dataclass(frozen=True)
 class Setup:
-    """A task made ready: parameter row, periods, and the tables of reference and car over speed."""
+    """A task made ready: parameter row, periods, and the tables of reference and car over speed.
+
+    ``plant`` is the one that a controller may know: the nominal one, whatever was drawn.
+    """
 
     row: NDArray[np.float64]
     periods: int
@@ -95,20 +100,21 @@ def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
     reference = Reference.load(task.reference, task.linear)
     speeds = _speeds(task.speed_kmh, reference, rng if "speed" in chosen else None)
     if "driver" in chosen:
-        driver = _random_driver(rng)
+        driver = random_driver(rng)
+    if task.sensors is not None:
+        plant = replace(plant, sensors=task.sensors)
+    believed = plant.believed()
+    if "plant" in chosen:
+        plant = plant.drawn(rng)
     parts = {
         "steering": plant.steering,
         "motor": plant.motor,
-        "sensors": task.sensors or plant.sensors,
+        "sensors": plant.sensors,
         "observer": plant.observer(),
         "driver": driver,
         "reward": task.reward,
-        "car_spread": CarSpread(),
+        "car_spread": random_car(rng) if "car" in chosen else task.car_spread,
     }
-    if "plant" in chosen:
-        _draw_plant(parts, plant, rng)
-    if "car" in chosen:
-        parts["car_spread"] = CarSpread(**{name: rng.uniform(*span) for name, span in CAR_FACTORS.items()})
     parts["manoeuvre"] = _manoeuvre(task, driver, speeds[0], reference, rng if "manoeuvre" in chosen else None)
     length = parts["manoeuvre"].lead_in + parts["manoeuvre"].duration
     parts["episode"] = Episode(
@@ -124,7 +130,7 @@ def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
         check_ranges(part, name)
         row[PARAMETERS[name]] = part
     car = reference if task.car is None else Reference.load(task.car)
-    return Setup(row, round(length / period), reference.table, car.table, reference, plant)
+    return Setup(row, round(length / period), reference.table, car.table, reference, believed)
 
 
 def _manoeuvre(task: Task, driver: Driver, speed: float, reference: Reference, rng: np.random.Generator | None) -> Any:
@@ -179,21 +185,17 @@ def _randomised_names(randomise: str | Iterable[str]) -> tuple[str, ...]:
     return names
 
 
-def _random_driver(rng: np.random.Generator) -> Driver:
+def random_car(rng: np.random.Generator) -> CarSpread:
+    """A car that is not quite the one that the reference was identified on."""
+    return CarSpread(**{name: rng.uniform(*span) for name, span in CAR_FACTORS.items()})
+
+
+def random_driver(rng: np.random.Generator) -> Driver:
     """A blend of two arms of the grid."""
     first, second = rng.choice(len(RANDOM_ARMS), 2, replace=True)
     share = rng.uniform()
     a, b = DRIVERS[RANDOM_ARMS[first]], DRIVERS[RANDOM_ARMS[second]]
     return Driver(*(x + share * (y - x) for x, y in zip(a, b, strict=True)))
-
-
-def _draw_plant(parts: dict[str, Any], plant: Plant, rng: np.random.Generator) -> None:
-    for name, (low, high) in plant.spread.items():
-        part, item = name.split(".")
-        factor = rng.uniform(low, high)
-        parts[part] = parts[part]._replace(**{item: getattr(parts[part], item) * factor})
-    delay = float(rng.integers(0, 3))
-    parts["motor"] = parts["motor"]._replace(dead_time=min(delay + 1.0, LINE_LENGTH - 1.0))
 
 
 def _from_table(value: Any, table: dict[str, Any], kind: type, option: str) -> Any:

@@ -18,6 +18,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar
 
 import numba
@@ -51,7 +52,10 @@ def compiled(function: F) -> F:
 
 
 def compiled_with(function: F, *parts: Callable[..., Any]) -> F:
-    """As ``compiled``, for an entry point that closes over functions of other packages."""
+    """As ``compiled``, for an entry point that closes over functions of other packages.
+
+    What these close over themselves (a law around another law) counts too.
+    """
     dispatcher: Any = numba.njit(error_model="numpy", fastmath=False, nogil=True)(function)
     if _CONFIG.DISABLE_JIT or os.environ.get("STEER_ENV_CACHE") == "0":
         return dispatcher
@@ -67,7 +71,10 @@ def compiled_with(function: F, *parts: Callable[..., Any]) -> F:
 def _cache_folder(functions: tuple[Callable[..., Any], ...]) -> Path:
     """The cache folder of exactly these sources: steer_env and whatever the functions come from."""
     roots = {_ROOT / "steer_env"}
-    for function in functions:
+    waiting = list(functions)
+    for function in waiting:
+        cells = (cell.cell_contents for cell in function.__closure__ or ())
+        waiting += [content for content in cells if isinstance(content, FunctionType) and content not in waiting]
         source = Path(function.__code__.co_filename).resolve()
         ours = source.is_relative_to(_ROOT)
         roots.add(_ROOT / source.relative_to(_ROOT).parts[0] if ours else source)

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
 
 from steer_env.physics.motor import Motor
 from steer_env.physics.sensors import Observer, Sensors
 from steer_env.physics.steering import Steering
+
+DEAD_TIMES = (1, 2, 3)  # periods that a drawn plant's commands may be late, assumption
 
 
 @dataclass(frozen=True)
@@ -15,7 +20,8 @@ class Plant:
     """One steering system; ``rack_share`` is 1 where the rack loads the lower body, else 0.
 
     ``spread`` maps "part.field" to the (low, high) factors on the nominal value that randomisation
-    draws uniformly.
+    draws uniformly. ``nominal`` is the plant that the control unit and its controller believe in;
+    None: this one.
     """
 
     name: str
@@ -25,8 +31,24 @@ class Plant:
     rack_share: float
     observer_bandwidth_Hz: float
     spread: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    nominal: Plant | None = None
+
+    def believed(self) -> Plant:
+        """What a controller may be designed for: the nominal plant."""
+        return self.nominal or self
 
     def observer(self) -> Observer:
         """What the control unit believes: the nominal lower body."""
-        s = self.steering
+        s = self.believed().steering
         return Observer(s.J_pin, s.b_pin, s.motor_ratio, self.observer_bandwidth_Hz)
+
+    def drawn(self, rng: np.random.Generator) -> Plant:
+        """One plant out of the spread, with a dead time out of DEAD_TIMES; it believes to be this one."""
+        parts: dict[str, Any] = {"steering": self.steering, "motor": self.motor, "sensors": self.sensors}
+        for name, (low, high) in self.spread.items():
+            part, item = name.split(".")
+            factor = rng.uniform(low, high)
+            parts[part] = parts[part]._replace(**{item: getattr(parts[part], item) * factor})
+        late = float(DEAD_TIMES[rng.integers(0, len(DEAD_TIMES))])
+        parts["motor"] = parts["motor"]._replace(dead_time=late)
+        return replace(self, **parts, nominal=self.believed())

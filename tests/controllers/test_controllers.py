@@ -17,6 +17,7 @@ from steer_env.envs.period import control_period
 from steer_env.envs.task import Task, prepare
 from steer_env.errors import InputError
 from steer_env.interface import Controller, Observation
+from steer_env.physics._jit import scalar
 from steer_env.plants import DRIVERS, PLANTS, Reference
 
 LOOPS = list(product(CONTROLLERS, PLANTS, CAUSALITIES))
@@ -169,11 +170,17 @@ def test_closed_loops_hold_with_every_driver(name, plant, causality, speed_kmh):
             assert ripple < 0.25, f"{arm}: {ripple:.2f} N m of ripple"
 
 
+@scalar
+def silence(o, x, p):
+    """No command, whatever is seen."""
+    return 0.0, x
+
+
 def test_the_tool_finds_a_mode_that_is_known():
     """Free wheel on its torsion bar without a controller: the mode of the two-mass formula."""
     s = PLANTS["SbW"].steering
     silent = made("open_loop_map", "SbW", "impedance")
-    silent.law = lambda o, x, p: (0.0, x)
+    silent.law = silence
     task = Task("SbW", "impedance", reference(True), True, driver="hands_off", speed_kmh=75.0)
     rates = coupled_stability.modes(task, silent)
     stiff = s.c_tb * (1 / s.J_s + 1 / s.J_pin)

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from experiments import measures
-from experiments.metrics import METRICS, REQUIRED_BAND_HZ, Trial, score
-from experiments.rollout import Episode
-from steer_env.envs.layout import PERIOD, Truth
-from steer_env.envs.task import Task, prepare
-from steer_env.physics import linear as linear_physics
-from steer_env.physics.reference import ReferenceParameters
+from experiments.metrics import METRICS, REQUIRED_BAND_HZ, score
+from steer_env.envs.layout import PERIOD
+from steer_env.manoeuvres import MANOEUVRES
+from tests.experiments.trials import answered, chirp, sine, trial
 
 CYCLE = np.arange(0.0, 4.0, PERIOD) * 2.0 * np.pi * 0.5  # two cycles
 
@@ -55,47 +53,36 @@ def test_loop_area_is_the_work_of_friction():
     assert ellipse == pytest.approx(np.pi * 0.5 * 3.0 * np.sin(0.3), rel=2e-3)
 
 
+def left_above(frequency, cut_off=20.0):
+    """Gain of the filter run both ways: a Butterworth of order 4, squared, at its prewarped frequency."""
+    share = np.tan(np.pi * cut_off * PERIOD) / np.tan(np.pi * frequency * PERIOD)
+    return 1.0 / (1.0 + share**8)
+
+
 def test_high_passed_keeps_only_what_is_faster():
-    t = np.arange(0.0, 2.0, PERIOD)
-    signal = 1.0 + np.sin(2.0 * np.pi * 5.0 * t) + 0.2 * np.sin(2.0 * np.pi * 50.0 * t)
-    left = measures.high_passed(signal, 20.0, PERIOD)
-    np.testing.assert_allclose(left, 0.2 * np.sin(2.0 * np.pi * 50.0 * t), atol=1e-9)
+    t = np.arange(0.0, 4.0, PERIOD)
+    slow, fast = np.sin(2.0 * np.pi * 5.0 * t), np.sin(2.0 * np.pi * 50.0 * t)
+    left = measures.high_passed(1.0 + slow + 0.2 * fast, 20.0, PERIOD)
+    expected = left_above(5.0) * slow + 0.2 * left_above(50.0) * fast
+    inside = slice(500, -500)
+    np.testing.assert_allclose(left[inside], expected[inside], atol=1e-6)
 
 
-def trial(manoeuvre, causality="impedance", linear=False, **signals):
-    """A trial whose signals are given; the others are zero."""
-    task = Task("EPAS", causality, linear=linear, manoeuvre=manoeuvre, speed_kmh=75.0)
-    setup = prepare(task, np.random.default_rng(0), PERIOD)
-    n = max(len(values) for values in signals.values())
-    rows = np.zeros((n, len(Truth._fields)))
-    rows[:, Truth._fields.index("speed")] = 75.0 / 3.6
-    for name, values in signals.items():
-        rows[:, Truth._fields.index(name)] = values
-    return Trial(Episode(setup, rows, True), causality, linear, manoeuvre)
+def test_a_held_corner_is_no_ripple():
+    """Catches a spectral cut: a record that ends higher than it began would jump back at its end."""
+    t = np.arange(0.0, 4.0, PERIOD)
+    risen = 3.0 * np.clip(t - 0.5, 0.0, 1.0)
+    assert measures.rms(measures.high_passed(risen, 20.0, PERIOD)) < 0.01
+    assert measures.high_passed(risen[:20], 20.0, PERIOD).size == 0
 
 
-def sine(seconds=20.5, lead_in=0.5, frequency=0.2):
-    t = PERIOD * np.arange(1, round(seconds / PERIOD) + 1) - lead_in
-    return np.where(t > 0.0, np.sin(2.0 * np.pi * frequency * t), 0.0), t
-
-
-def chirp(seconds=19.0):
-    """Chirp of 0.2-5 Hz in 17.5 s after half a second, as torque, at rest at both ends."""
-    t = PERIOD * np.arange(1, round(seconds / PERIOD) + 1) - 0.5
-    inside = (t > 0.0) & (t < 17.5)
-    return np.where(inside, np.sin(2.0 * np.pi * (0.2 + 0.5 * (4.8 / 17.5) * t) * t), 0.0)
-
-
-def answered(torque, gain=1.0, delay=0.0):
-    """Angle of the linear reference at 75 km/h under a torque, by its lines; scaled and late."""
-    setup = prepare(Task(linear=True, speed_kmh=75.0), np.random.default_rng(0), PERIOD)
-    p: ReferenceParameters = setup.reference.at(75.0 / 3.6)
-    padded = np.concatenate([torque, np.zeros(60000 - len(torque))])
-    f = np.fft.rfftfreq(len(padded), PERIOD)
-    matrices = linear_physics.reference_matrices(75.0 / 3.6, p, 1.0 + p.k_gain)
-    H = linear_physics.frequency_response(matrices, f)[:, 0, 0]
-    lines = np.fft.rfft(padded) * gain * H * np.exp(-2j * np.pi * f * delay)
-    return np.fft.irfft(lines, len(padded))[: len(torque)]
+def test_low_passed_leaves_lines_and_halves_power_at_its_frequency():
+    t = np.arange(0.0, 4.0, PERIOD)
+    line = 2.0 - 3.0 * t
+    np.testing.assert_allclose(measures.low_passed(line, 5.0, PERIOD)[200:-200], line[200:-200], rtol=1e-9)
+    wave = np.sin(2.0 * np.pi * 5.0 * t)
+    left = measures.low_passed(wave, 5.0, PERIOD)
+    np.testing.assert_allclose(left[200:-200], wave[200:-200] / np.sqrt(2.0), atol=1e-4)
 
 
 def test_the_linear_reference_scores_zero_against_itself():
@@ -165,17 +152,72 @@ def test_loops_after_the_first_cycle_achieved_and_ideal():
     assert found["angle_hysteresis_reference"] == pytest.approx(np.degrees(0.02), rel=5e-3)
 
 
+def test_percentile_95_absolute_and_relative():
+    """|A sin| stays below A sin(0.95 pi / 2) for 95 % of the time; relative is over the rms of the reference."""
+    x, t = sine()
+    x = np.where(t > 0.0, x, np.sin(2.0 * np.pi * 0.2 * t))
+    found = score(trial("standstill", "admittance", reference=2.0 * x, error=0.1 * x))
+    expected = 0.1 * np.sin(0.95 * np.pi / 2.0)
+    assert found["tracking_p95"] == pytest.approx(np.degrees(expected), rel=1e-3)
+    assert found["tracking_p95_relative"] == pytest.approx(expected / measures.rms(2.0 * x), rel=1e-3)
+    assert found["tracking_jnd"] == pytest.approx(found["tracking_relative"] / 0.15, rel=1e-12)
+
+
+def test_felt_torque_in_thresholds():
+    """Torque 1.15 times the reference's is one just noticeable difference; half the causalities need no generator."""
+    x, _ = sine()
+    found = score(trial("standstill", torsion_bar_torque=2.3 * x, reference=2.0 * x))
+    assert found["felt_torque_jnd"] == pytest.approx(1.0, rel=1e-12)
+    assert found["felt_torque_error"] == pytest.approx(0.3 * measures.rms(x), rel=1e-12)
+    assert found["felt_torque_p95"] < 0.3
+
+
 def test_effort_saturation_and_ripple():
     t = PERIOD * np.arange(4000)
     ripple = 0.3 * np.sin(2.0 * np.pi * 40.0 * t)
     command = np.where(t < 1.0, 5.0, 1.0)  # the EPAS motor's limit is 5 N m
     found = score(
-        trial("standstill", motor_torque=2.0 * np.ones(4000), command=command,
-              torsion_bar_torque=np.sin(2.0 * np.pi * 0.5 * t) + ripple)
+        trial("standstill", motor_torque=2.0 * np.ones(4000), command=command, pinion_rate=-0.5 * np.ones(4000),
+              torsion_bar_torque=np.sin(2.0 * np.pi * 0.5 * t) + ripple, steering_torque=2.0 * ripple)
     )  # fmt: skip
     assert found["effort"] == pytest.approx(2.0)
+    assert found["motor_power"] == pytest.approx(2.0 * 21.0 * 0.5)  # the motor turns 21 times as fast
     assert found["saturation"] == pytest.approx(0.25)
-    assert found["ripple"] == pytest.approx(0.3 / np.sqrt(2.0), rel=1e-6)
+    left = 0.3 * left_above(40.0)
+    assert found["ripple"] == pytest.approx(left / np.sqrt(2.0), rel=2e-3)
+    assert found["ripple_peak_to_peak"] == pytest.approx(2.0 * left, rel=0.02)
+    assert found["hand_ripple"] == pytest.approx(2.0 * left / np.sqrt(2.0), rel=0.01)
+    fastest = 0.3 * 2.0 * np.pi * 40.0
+    assert found["hand_jerk"] == pytest.approx(2.0 * fastest / np.sqrt(2.0), rel=5e-3)
+    assert found["jerk"] == pytest.approx(np.hypot(fastest, np.pi) / np.sqrt(2.0), rel=5e-3)
+
+
+def test_slew_saturation_counts_periods_at_the_limit():
+    """The EPAS motor's command may change by 1 N m a period: up, down and up again in one of four."""
+    command = np.tile([1.0, 1.0, 0.9, 0.0], 500)
+    found = score(trial("standstill", command=command))
+    assert found["slew_saturation"] == pytest.approx(0.25, abs=1e-3)
+    assert found["saturation"] == 0.0
+
+
+def test_setting_off_and_letting_go_are_no_jerk_of_the_hand():
+    """The hand of the release manoeuvre sets off at 0.5 s and lets go at 3.5 s, here with jumps of 3 N m."""
+    t = PERIOD * np.arange(9000)
+    found = score(trial("release", steering_torque=np.where((t > 0.5) & (t < 3.5), 3.0, 0.0)))
+    assert found["hand_jerk"] == 0.0
+    assert found["hand_ripple"] < 1e-6
+
+
+def test_energy_beyond_the_reference_at_the_same_motion():
+    """An extra damping of -0.1 N m s/rad gives off 0.1 pi A^2 omega per cycle; +0.1 takes it up."""
+    t = PERIOD * np.arange(4001)
+    rate = 2.0 * np.cos(2.0 * np.pi * 0.5 * t)
+    found = score(trial("standstill", torsion_bar_torque=-0.1 * rate, pinion_rate=rate))
+    assert found["passivity_gap_energy"] == pytest.approx(-0.1 * 2.0 * 4.0, rel=1e-6)
+    kept = score(trial("standstill", torsion_bar_torque=0.1 * rate, pinion_rate=rate))
+    assert kept["passivity_gap_energy"] == 0.0
+    spring = score(trial("standstill", torsion_bar_torque=np.sin(np.pi * t), pinion_rate=np.cos(np.pi * t)))
+    assert spring["passivity_gap_energy"] == pytest.approx(0.0, abs=1e-9), "a spring gives back what it took"
 
 
 def test_a_manoeuvre_gets_its_own_metrics_only():
@@ -183,7 +225,13 @@ def test_a_manoeuvre_gets_its_own_metrics_only():
     sine_scores = score(trial("steady_state", pinion_angle=x, torsion_bar_torque=x))
     assert "torque_hysteresis" in sine_scores
     assert "frf_phase" not in sine_scores
-    assert all(metric.unit and metric.meaning for metric in METRICS.values())
+    for name, metric in METRICS.items():
+        assert metric.unit, name
+        assert metric.meaning, name
+        assert set(metric.manoeuvres) <= set(MANOEUVRES), name
+        assert metric.better in ("lower", "higher", "reference", ""), name
+        if metric.better == "reference":
+            assert METRICS[f"{name}_reference"].better == "", name
 
 
 def test_hysteresis_width_survives_noise_on_the_torque():

@@ -4,6 +4,7 @@ from controllers import lead, pid
 from steer_env.envs import batch
 from steer_env.envs.layout import PARAMETERS, STATE
 from steer_env.manoeuvres import MANOEUVRES, hand_at
+from steer_env.physics import _jit
 
 
 def test_no_two_closures_of_one_signature_share_a_name():
@@ -18,3 +19,16 @@ def test_no_two_closures_of_one_signature_share_a_name():
     laws = (pid.torque_law, pid.angle_law, lead.torque_law, lead.angle_law)
     names += [batch.make_rollout(law).py_func.__qualname__ for law in laws]
     assert len(set(names)) == len(names) == len(loaders) + len(MANOEUVRES) + len(laws)
+
+
+def test_code_around_a_law_around_a_law_is_kept_under_both_their_sources(monkeypatch):
+    """Catches machine code that outlives a change of the law that it closes over at second hand."""
+    inner = pid.torque_law
+
+    def closing(o, x, p):
+        return inner(o, x, p)
+
+    seen = []
+    monkeypatch.setattr(_jit, "_hash_of", lambda root: seen.append(root.name) or b"")
+    _jit._cache_folder((closing,))
+    assert "controllers" in seen

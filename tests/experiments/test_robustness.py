@@ -1,0 +1,170 @@
+"""The gate: wrong controllers are caught, right ones are not blamed for the reference, and the command says so."""
+
+import json
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import controllers
+from controllers.law import LawController
+from experiments.assessment import Assessment, assess, drawn
+from experiments.loop_simulation import confirm, worst_stuck
+from experiments.robustness import command, safe
+from steer_env.errors import InputError
+from steer_env.physics._jit import named, scalar
+from steer_env.plants import DRIVERS, PLANTS, Reference
+from steer_env.units import quantities
+
+REFERENCE = Reference.load("published")
+SYSTEMS = list(product(PLANTS, controllers.CAUSALITIES))
+DELAY = 10  # periods
+
+
+class Wrong(NamedTuple):
+    """What is done to a right law: a factor on its command, and whether it is late."""
+
+    right: Any
+    factor: float
+    late: float
+
+
+class Late(NamedTuple):
+    """The law's state and its last commands, newest first."""
+
+    right: Any
+    c1: float = 0.0
+    c2: float = 0.0
+    c3: float = 0.0
+    c4: float = 0.0
+    c5: float = 0.0
+    c6: float = 0.0
+    c7: float = 0.0
+    c8: float = 0.0
+    c9: float = 0.0
+    c10: float = 0.0
+
+
+_laws: dict[Any, Any] = {}
+
+
+def spoilt(factor: float = 1.0, late: bool = False):
+    """A maker of pid with its command times a factor, or ten periods late."""
+
+    def make(plant, reference, causality):
+        pid = controllers.make("pid", plant, reference, causality)
+        right = pid.law
+
+        def law(o, x, p):
+            torque, inner = right(o, x.right, p.right)
+            sent = p.factor * (x.c10 if p.late > 0.5 else torque)
+            return sent, Late(inner, torque, x.c1, x.c2, x.c3, x.c4, x.c5, x.c6, x.c7, x.c8, x.c9)
+
+        spoiler = _laws.setdefault(right, scalar(named(law, right)))
+
+        def design(period):
+            pid.reset(period)
+            return Wrong(pid.parameters, factor, 1.0 if late else 0.0)
+
+        return LawController(spoiler, design, Late(pid.state()))
+
+    return make
+
+
+@pytest.mark.parametrize(("plant", "causality"), SYSTEMS)
+def test_wrong_controllers_are_unsafe_and_the_right_one_is_not(plant, causality):
+    """A flipped sign, a command five times too large, 10 ms more delay: each at 75 km/h, in every system."""
+    assert safe(assess(spoilt(), plant, causality, REFERENCE, [75.0])).safe
+    for wrong in (spoilt(factor=-1.0), spoilt(factor=5.0), spoilt(late=True)):
+        gate = safe(assess(wrong, plant, causality, REFERENCE, [75.0]))
+        assert not gate.safe
+        assert gate.failures
+        assert gate.disk_margin == gate.delay_margin_ms == 0.0
+        assert gate.growth > 0.0
+
+
+def pid_at(plant, causality, speeds, **more):
+    return assess(lambda *told: controllers.make("pid", *told), plant, causality, REFERENCE, speeds, **more)
+
+
+def test_what_the_reference_cannot_do_is_not_held_against_a_controller():
+    """15 km/h, friction stuck: the reference grows by itself (b_ref < 0), and so does a loop that tracks it."""
+    found = pid_at("EPAS", "impedance", [15.0], points=["centre_stuck"])
+    grows = [a for a in found if not a.stable]
+    assert grows
+    assert all(a.reference_growth > 1.0 for a in grows)
+    gate = safe(found + pid_at("EPAS", "impedance", [75.0]))
+    assert gate.safe
+    assert len(gate.reference_failures) == len(grows)
+    assert "15 km/h, centre_stuck, hands_off" in gate.reference_failures[0]
+    with pytest.raises(InputError, match="nothing to judge"):
+        safe([])
+
+
+def test_an_admittance_off_centre_at_parking_speed_is_the_controllers_own_fault():
+    """30 km/h at the steepest assist: the reference is stable there, pid's angle loop is not, and the car is thrown."""
+    found = pid_at("EPAS", "admittance", [30.0], points=["peak_stuck"])
+    gate = safe(found)
+    assert len(gate.failures) == len(DRIVERS)
+    assert not gate.reference_failures
+    plant = PLANTS["EPAS"]
+    seen = confirm(controllers.make("pid", plant, REFERENCE, "admittance"), plant, REFERENCE, worst_stuck(found))
+    assert seen.agrees
+    assert seen.thrown
+    assert seen.simulated_growth == pytest.approx(seen.growth, rel=0.05)
+
+
+def test_a_law_that_does_not_look_at_the_reference_does_not_care_what_it_is():
+    """The EPAS map is one law: the same growth in both causalities, whatever the generator beside it does."""
+
+    def make(*told):
+        return controllers.make("open_loop_map", *told)
+
+    both = [assess(make, "EPAS", causality, REFERENCE, [15.0]) for causality in controllers.CAUSALITIES]
+    for one, other in zip(*both, strict=True):
+        assert one.growth == pytest.approx(other.growth, rel=1e-3)
+
+
+def test_hardware_that_is_not_what_the_controller_was_told():
+    """Draws stay inside the spread, wait 1 to 3 periods, and change what is found; the nominal one does not."""
+    nominal, rng = PLANTS["EPAS"], np.random.default_rng(1)
+    draws = [drawn(nominal, rng) for _ in range(20)]
+    for name, (low, high) in nominal.spread.items():
+        part, field = name.split(".")
+        ratios = [getattr(getattr(d, part), field) / getattr(getattr(nominal, part), field) for d in draws]
+        assert low <= min(ratios) < max(ratios) <= high
+    assert {d.motor.dead_time for d in draws} == {1.0, 2.0, 3.0}
+    arms = {"relaxed": DRIVERS["relaxed"]}
+    one, same, other = (
+        pid_at("EPAS", "impedance", [75.0], arms=arms, points=["centre_stuck"], hardware=hardware)[0]
+        for hardware in (None, nominal, next(d for d in draws if d.motor.dead_time == 3.0))
+    )
+    assert one == same
+    assert one.stable
+    assert one.delay_margin_ms < 1.0
+    assert not other.stable, "two periods more than the delay margin allows"
+
+
+def test_an_assessment_is_flat_and_goes_to_json_as_it_is():
+    (one, *_) = pid_at("SbW", "impedance", [75.0], points=["centre_stuck"])
+    assert json.loads(json.dumps(one._asdict(), allow_nan=False)) == one._asdict()
+    assert all(isinstance(value, str | float | bool) for value in one)
+    assert not quantities(Assessment)
+
+
+def test_the_command_writes_what_it_says(tmp_path):
+    """One controller at one speed; also catches NaN in the file and a table without its verdicts."""
+    wanted = ["--quick", "--controller", "pid", "--jobs", "1", "--quiet", "--out", str(tmp_path)]
+    result = CliRunner().invoke(command, wanted)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count(" safe") == len(SYSTEMS)
+    written = json.loads((tmp_path / "robustness.json").read_text("utf-8"))
+    assert {(g["plant"], g["causality"]) for g in written["gates"]} == set(SYSTEMS)
+    assert len(written["assessments"]) == len(SYSTEMS) * 4 * len(DRIVERS)
+    assert all(c["agrees"] for c in written["confirmations"])
+    again = CliRunner().invoke(command, [*wanted, "--json"])
+    printed = json.loads(again.stdout)
+    assert printed["gates"] == written["gates"]
+    assert "assessments" not in printed
