@@ -16,7 +16,8 @@ K / J_ref, so that 1/J = K / J_ref + 1 / (J_pin + J_s), K the assist's slope. Wh
 sticks.
 
 ``fastest`` poles are shares of 1 / T_d (hardware.total_delay), found by eigenvalues over arms, speeds
-and plants (experiments.coupled_stability). The boundary layer that this leaves is wide: for torques below
+and operating points (experiments.robustness); where the assist is steep the law yields to rendering
+torque as the other angle laws do (controllers.tracking). The boundary layer that this leaves is wide: for torques below
 about 5 L / fastest, which is more than steering takes, the law works as a PI controller on s, and does not
 chatter; beyond, its gain falls as a sliding mode's does. Both integrals wait while a limit of the motor
 cuts the command.
@@ -74,15 +75,15 @@ class TwistParameters(NamedTuple):
     J_moved: Annotated[float, Quantity("kg m2", "what the motor moves: J_pin, with J_s if stiff", 5e-4, 2.0, _N)]
     answer: Annotated[float, Quantity("-", "share of the hand's answer at once", 0.0, 1.0, "1 if stiff")]
     disturbance_rate: Annotated[float, Quantity("N m/s", "L, of what is unknown", 1e-3, 1e5, "0.3 rad/s c_fric")]
-    fastest: Annotated[float, Quantity("1/s", "fastest local pole", 0.1, 1e3, "assumption: 0.02 to 0.1 / T_d")]
-    slope: Annotated[float, Quantity("1/s", "of the surface, admittance", 0.0, 1e3, "assumption: 0.045 or 0.14 / T_d")]
+    fastest: Annotated[float, Quantity("1/s", "fastest local pole", 0.1, 1e3, "assumption: 0.01 to 0.105 / T_d")]
+    slope: Annotated[float, Quantity("1/s", "of the surface, admittance", 0.0, 1e3, "assumption: 0.036 or 0.14 / T_d")]
     acceleration_bandwidth: Annotated[float, Quantity("rad/s", "filter", 1.0, 1e4, "assumption: 1 / T_d")]
     lead: Annotated[float, Quantity("s", "D over the whole torque", 0.0, 0.2, "computed from the plant")]
-    lead_bandwidth: Annotated[float, Quantity("rad/s", "its filter", 1.0, 1e4, "assumption: 1.5 / T_d, 0.5 if stiff")]
-    torque_lag: Annotated[float, Quantity("s", "lag of the hand's torque, admittance", 0.0, 0.1, "1.2 T_d if notched")]
-    damping_share: Annotated[float, Quantity("-", "of -b_ref put back, admittance", 0.0, 10.0, "assumption")] = 2.0
+    lead_bandwidth: Annotated[float, Quantity("rad/s", "its filter", 1.0, 1e4, "assumption: 1.5 / T_d, 0.35 if stiff")]
+    torque_lag: Annotated[float, Quantity("s", "lag of the hand's torque, admittance", 0.0, 0.1, "1.5 T_d if notched")]
+    damping_share: Annotated[float, Quantity("-", "of -b_ref put back, admittance", 0.0, 10.0, "assumption")] = 1.5
     gain: Annotated[float, Quantity("-", "share of the matched gain", 0.0, 3.0, "assumption: 1")] = 1.0
-    inertia_share: Annotated[float, Quantity("-", "share of J_pin cancelled outright", 0.0, 1.0, "assumption")] = 0.3
+    inertia_share: Annotated[float, Quantity("-", "share of J_pin cancelled outright", 0.0, 1.0, "assumption")] = 0.2
     notch: Notch = Notch()
 
 
@@ -157,18 +158,18 @@ def make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> L
         delay = total_delay(plant, period)
         notch = bar_notch(plant, period)
         stiff = notch != Notch()
-        angle_pole = 0.1 if stiff else 0.08
+        poles = {"impedance": 0.02 if stiff else 0.01, "admittance": 0.105 if stiff else 0.08}
         parameters = TwistParameters(
             **hardware_of(plant, reference, period),
             J_moved=s.J_pin + (s.J_s if stiff else 0.0),
             answer=1.0 if stiff else 0.0,
             disturbance_rate=UNKNOWN_RATE * s.c_fric,
-            fastest=(0.02 if causality == "impedance" else angle_pole) / delay,
-            slope=(0.045 if stiff else 0.14) / delay,
+            fastest=poles[causality] / delay,
+            slope=(0.036 if stiff else 0.14) / delay,
             acceleration_bandwidth=1.0 / delay,
             lead=0.0 if stiff else 1.5 * delay,
-            lead_bandwidth=(0.5 if stiff else 1.5) / delay,
-            torque_lag=1.2 * delay if stiff else 0.0,
+            lead_bandwidth=(0.35 if stiff else 1.5) / delay,
+            torque_lag=1.5 * delay if stiff else 0.0,
             notch=notch,
         )
         return with_gains(parameters, gains, "super_twisting")

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import product
 
 import numpy as np
@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 import controllers
 from controllers import CAUSALITIES
 from controllers.twisting import MARGIN, pole, twist_step
-from experiments import coupled_stability
 from experiments.measures import high_passed, rms
+from experiments.robustness import assess, safe
 from experiments.rollout import run
 from steer_env.envs.task import Task
 from steer_env.interface import Observation
@@ -60,7 +60,7 @@ def reaching_time_bound(s):
     A = np.array([[-math.sqrt(K2), 0.5], [-K2, 0.0]])
     B, C = np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
     bounds = []
-    for e, r in product(np.geomspace(1.0, 1e3, 30), np.geomspace(1e-4, 1e-1, 16)):
+    for e, r in product(np.geomspace(1.0, 1e3, 12), np.geomspace(1e-4, 1e-1, 8)):
         R = np.diag([1.0, r])
         try:
             P = solve_continuous_are(A, B, L * L * C.T @ C + e * R, -np.eye(1))
@@ -172,13 +172,10 @@ def test_the_integrals_wait_while_a_limit_cuts(causality):
 
 
 @pytest.mark.parametrize(("plant", "causality"), LOOPS)
-def test_stable_in_the_small_wherever_pid_is(plant, causality):
-    """Speeds between and beyond those of the table's test; at rest the law is linear: inside its boundary layer."""
-    for speed_kmh, arm in product((15.0, 30.0, 60.0, 90.0), ("hands_off", "one_hand_light", "tense", "robot")):
-        task = Task(plant, causality, reference(), False, None, "standstill", speed_kmh, arm)
-        if coupled_stability.modes(task, made("pid", plant, causality))[0].real < 0.0:
-            fastest = coupled_stability.modes(task, made("super_twisting", plant, causality))[0]
-            assert fastest.real < 0.0, f"{speed_kmh} km/h, {arm}: grows with {fastest}"
+def test_stable_in_the_small_wherever_the_reference_is(plant, causality):
+    """On centre and at the steepest assist, friction stuck or sliding; small motions stay in the boundary layer."""
+    gate = safe(assess(partial(controllers.make, "super_twisting"), plant, causality, reference(), (15.0, 30.0, 60.0)))
+    assert gate.safe, gate.failures
 
 
 @pytest.mark.parametrize(("plant", "causality"), LOOPS)
