@@ -13,16 +13,20 @@ from itertools import product
 from typing import Any
 
 import controllers
-from experiments.assessment import Assessment, assess
+from experiments import robustness
+from experiments.assessment import assess
 from experiments.bench_cases import Maker
-from experiments.robustness import safe
-from steer_env.plants import PLANTS, Reference
+from experiments.law_half import law_half
+from experiments.linear_loop import Half, closed_loop, environment_half, modes
+from experiments.loop_simulation import confirm, worst_stuck
+from experiments.operating_points import POINTS, Place, place_of
+from experiments.perfect_tracking import growths
+from steer_env.plants import DRIVERS, PLANTS, Reference
 
 Result = dict[str, Any]
 Advance = Callable[..., None]
-QUICK_KMH = (75.0,)
-# Arms that tuning looks at, of those that the proof does: the lightest, the stiffest and the robot.
-TUNING_ARMS = ("hands_off", "tense", "robot")
+Findings = robustness.Findings
+Where = tuple[str, str, float, str]  # plant, causality, km/h, arm
 
 
 def gates_of(
@@ -31,42 +35,33 @@ def gates_of(
     results: Sequence[Result],
     makers: Mapping[str, Maker],
     quick: bool = False,
+    jobs: int = 1,
     advance: Advance = lambda *_, **__: None,
 ) -> tuple[dict[str, list[str]], dict[str, Any]]:
     """(Why each controller is unsafe, by name; the proof as plain values for scores.json)."""
-    proof: list[dict[str, Any]] = []
-    gates: dict[str, list[str]] = {}
-    by_system: list[dict[str, Any]] = []
-    weak: set[tuple[Any, ...]] = set()
-    for name in names:
-        make = makers.get(name) or partial(controllers.make, name)
-        gates[name] = []
-        for plant, causality in product(PLANTS, controllers.CAUSALITIES):
-            found = proved(make, plant, causality, reference, QUICK_KMH if quick else None)
-            if not found:
-                continue
-            gate = safe(found)
-            gates[name] += gate.failures
-            by_system.append({"controller": name, "plant": plant, "causality": causality, **gate._asdict()})
-            proof += [{"controller": name, **a._asdict()} for a in found]
-            weak |= {_place(a._asdict()) for a in found if not a.reference_stable}
-        advance(note=f"{name}: proof")
-    for name in names:
-        gates[name] += unstable_episodes(name, results, weak)
-    return gates, {"gates": by_system, "robustness": proof}
+    speeds = tuple((robustness.QUICK_KMH,) if quick else (row.speed_kmh for row in reference.file.rows))
+    places = list(product(PLANTS, controllers.CAUSALITIES))
+    plain = tuple(name for name in names if name not in makers and has_law(partial(controllers.make, name), reference))
+    own = {name: make for name, make in makers.items() if has_law(make, reference)}
+    systems = [robustness.System(plant, causality, plain, reference, speeds) for plant, causality in places]
+    found: list[list[Findings]] = []
+    for done in robustness.each_system(systems, jobs) if plain else ():
+        found.append(done)
+        advance(note="proof")
+    for name, make in own.items():
+        found.append([_findings(name, make, plant, causality, reference, speeds) for plant, causality in places])
+    proof = robustness.summary_of(found, reference.source)
+    weak = {_place(a) for a in proof["assessments"] if not a["reference_stable"]}
+    gates = {name: [*_failures(name, proof), *unstable_episodes(name, results, weak)] for name in names}
+    return gates, {key: proof[key] for key in ("limits", "gates", "confirmations", "assessments")}
 
 
-def proved(
-    make: Maker, plant: str, causality: str, reference: Reference, speeds_kmh: Sequence[float] | None = None
-) -> list[Assessment]:
-    """Assessments of a controller; none where it has no pure law that could be linearised."""
-    controller = make(PLANTS[plant], reference, causality)
-    if not hasattr(controller, "law"):
-        return []
-    return assess(lambda *_: controller, plant, causality, reference, speeds_kmh)
+def has_law(make: Maker, reference: Reference) -> bool:
+    """Whether a controller has a pure law, which alone can be linearised."""
+    return hasattr(make(next(iter(PLANTS.values())), reference, controllers.CAUSALITIES[0]), "law")
 
 
-def unstable_episodes(name: str, results: Sequence[Result], weak: set[tuple[Any, ...]]) -> list[str]:
+def unstable_episodes(name: str, results: Sequence[Result], weak: set[Where]) -> list[str]:
     """The scored episodes of a controller that turned unstable, in words, without those at ``weak`` places."""
     return [
         f"{case['plant']} {case['causality']}, {case['speed_kmh']:g} km/h, {case['manoeuvre']}, {case['arm']}: "
@@ -77,5 +72,44 @@ def unstable_episodes(name: str, results: Sequence[Result], weak: set[tuple[Any,
     ]
 
 
-def _place(record: Mapping[str, Any]) -> tuple[Any, ...]:
+def unstable_share(make: Maker, plant: str, causality: str, reference: Reference, speeds_kmh: Sequence[float]) -> float:
+    """Share of places (speed, operating point, arm) with a stable reference at which the loop is unstable."""
+    controller = make(PLANTS[plant], reference, causality)
+    judged = unstable = 0
+    for speed, point in product(speeds_kmh, POINTS):
+        place, environment, own = _surroundings(plant, causality, reference, speed, point)
+        loops = modes(closed_loop(environment, law_half(controller, place)))
+        for loop, growth in zip(loops, own, strict=True):
+            judged += growth < 0.0
+            unstable += growth < 0.0 and bool(loop.size) and loop[0].real >= 0.0
+    return unstable / max(judged, 1)
+
+
+_kept: dict[tuple[Any, ...], tuple[Place, Half, list[float]]] = {}
+
+
+def _surroundings(
+    plant: str, causality: str, reference: Reference, speed_kmh: float, point: str
+) -> tuple[Place, Half, list[float]]:
+    """What does not depend on the controller: place, environments with every arm, the reference's own growths."""
+    key = (plant, causality, reference.table.tobytes(), speed_kmh, point)
+    if key not in _kept:
+        place, arms = place_of(PLANTS[plant], causality, reference, speed_kmh, point), list(DRIVERS.values())
+        _kept[key] = place, environment_half(place, arms), growths(place, arms).tolist()
+    return _kept[key]
+
+
+def _findings(
+    name: str, make: Maker, plant: str, causality: str, reference: Reference, speeds_kmh: Sequence[float]
+) -> Findings:
+    values = assess(make, plant, causality, reference, speeds_kmh)
+    controller = make(PLANTS[plant], reference, causality)
+    return Findings(name, values, confirm(controller, PLANTS[plant], reference, worst_stuck(values)))
+
+
+def _failures(name: str, proof: Mapping[str, Any]) -> list[str]:
+    return [reason for gate in proof["gates"] if gate["controller"] == name for reason in gate["failures"]]
+
+
+def _place(record: Mapping[str, Any]) -> Where:
     return record["plant"], record["causality"], float(record["speed_kmh"]), record["arm"]

@@ -50,7 +50,8 @@ def benchmark(
     """Everything the benchmark finds, as written to scores.json (and to ``out``, if given).
 
     ``names`` are rows of CONTROLLERS, FILE.py:NAME, or pairs (name, make) with a make(plant,
-    reference, causality) -> Controller of your own.
+    reference, causality) -> Controller of your own. The proof works with ``jobs`` processes: a script
+    that asks for more than one must guard its main part by ``if __name__ == "__main__"``.
     """
     protocol, chosen = Protocol.load(), reference or Reference.load("published")
     makers = {pair[0]: pair[1] for pair in names if not isinstance(pair, str)}
@@ -111,7 +112,7 @@ def command(
     names = [*_shipped(only), *own]
     for name in own:
         controllers.maker(name)  # a misspelt name ends here, not after minutes
-    total = len(cases_of(names, Protocol.load(), quick)) + len(names)
+    total = len(cases_of(names, Protocol.load(), quick)) + 4  # and the proof of four systems
     with progress("benchmark", total=total, quiet=quiet) as advance:
         summary = benchmark(
             names, reference, quick=quick, seed=seed, jobs=jobs, out=out, ray=ray, advance=advance

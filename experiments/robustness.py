@@ -43,7 +43,7 @@ class System(NamedTuple):
     plant: str
     causality: str
     names: tuple[str, ...]
-    source: str
+    source: str | Reference
     speeds_kmh: tuple[float, ...]
 
 
@@ -96,7 +96,7 @@ def command(
     ]
     with progress("robustness", total=len(systems), quiet=quiet) as advance:
         found: list[list[Findings]] = []
-        for done in _each(systems, jobs):
+        for done in each_system(systems, jobs):
             found.append(done)
             advance(note=done[0].confirmation.plant)
     summary = summary_of(found, source)
@@ -107,7 +107,8 @@ def command(
         print_table(*short_table(found), title=f"All values: {out / 'robustness.json'}")
 
 
-def _each(systems: Sequence[System], jobs: int) -> Iterator[list[Findings]]:
+def each_system(systems: Sequence[System], jobs: int) -> Iterator[list[Findings]]:
+    """Findings of each system in turn, by ``jobs`` processes."""
     if jobs == 1:
         yield from map(findings, systems)
         return

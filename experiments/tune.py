@@ -26,7 +26,7 @@ from controllers import tuning
 from controllers.law import Factor
 from experiments import bench_cases
 from experiments.bench_cases import Case, Maker
-from experiments.bench_gates import unsafe_places
+from experiments.bench_gates import unstable_share
 from experiments.bench_protocol import Protocol
 from experiments.bench_ranking import case_score
 from experiments.cli_options import common_options, print_json, print_table, progress
@@ -39,7 +39,8 @@ from steer_env.plants import PLANTS, Plant, Reference
 SPEEDS_KMH = (30.0, 60.0, 90.0)  # between them lie the speeds that the score adds
 DRAWS = 1  # plants per speed and manoeuvre: 18 cases, each with a plant, car and arm of its own
 OBJECTIVE = (
-    "interquartile mean of case scores in JND + worst score x (share unstable + 1 where the linear proof says unsafe)"
+    "interquartile mean of case scores in JND + worst score x (share of episodes unstable, "
+    "+ 1 + share of places unstable in the linear proof, if any)"
 )
 Factors = dict[str, float]
 
@@ -76,7 +77,8 @@ def objective(name: str, plant: str, causality: str, factors: Factors, reference
         result = _scored(case, reference, seed, make, protocol)
         scores.append(case_score(result, protocol))
         unstable += not result["stable"]
-    share = unstable / len(cases) + (1.0 if unsafe_places(make, plant, causality, reference, SPEEDS_KMH) else 0.0)
+    proof = unstable_share(make, plant, causality, reference, protocol.speeds_kmh)
+    share = unstable / len(cases) + (1.0 + proof if proof > 0.0 else 0.0)
     return float(trim_mean(scores, 0.25)) + protocol.worst_score_jnd * share
 
 
