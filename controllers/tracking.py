@@ -95,6 +95,14 @@ def angle_target(o: Observation, felt: Felt, motion: MotionState, p: Any) -> Tar
     inertia and assist.
     """
     error, error_rate = o.reference - o.pinion_angle, o.reference_rate - o.pinion_rate
+    pull = p.natural * p.natural * error + 2.0 * p.damping_ratio * p.natural * error_rate
+    return pulled_target(pull, o, felt, motion, p)
+
+
+@scalar
+def pulled_target(pull: float, o: Observation, felt: Felt, motion: MotionState, p: Any) -> Target:
+    """As ``angle_target``, for an acceleration ``pull`` in rad/s2 that brings the angle back; 0: feed-forward alone."""
+    error_rate = o.reference_rate - o.pinion_rate
     # Where the assist is steep the reference runs away from any motor behind a delay: its
     # acceleration is then no longer fed forward, but asked for as torque, and the load is the one
     # that the motion shows, not the one at the reference's angle.
@@ -102,7 +110,6 @@ def angle_target(o: Observation, felt: Felt, motion: MotionState, p: Any) -> Tar
     load = load_of(o, o.reference_acceleration, o.reference_rate, motion.felt_friction, felt)
     yielded = p.rack_share * steep
     shown = yielded * (motion.load - load)
-    pull = p.natural * p.natural * error + 2.0 * p.damping_ratio * p.natural * error_rate
     lag = steep * (o.reference_acceleration - motion.acceleration_2)
     gap = felt.J_ref * ((1.0 - yielded) * pull + lag) + felt.b_ref * steep * error_rate
     wanted = torque_of(o.effective_torque - gap + shown + yielded * (motion.own_friction - motion.felt_friction), felt)
