@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from controllers.own import file_of, inner_of, is_own
+from controllers.own import file_of, is_own
 from experiments.bench_cases import Case
 from steer_env import atomic
 from steer_env.plants import Reference
@@ -48,9 +48,8 @@ def key_of(cases: Sequence[Case], reference: Reference, seed: int) -> str:
     digest = hashlib.sha256(json.dumps([*map(asdict, cases), seed], sort_keys=True).encode())
     digest.update(reference.table.tobytes())
     digest.update(_code())
-    for name in sorted({_innermost(case.controller) for case in cases}):
-        if is_own(name):
-            digest.update(file_of(name).read_bytes())
+    for name in sorted({case.controller for case in cases if is_own(case.controller)}):
+        digest.update(file_of(name).read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -66,12 +65,6 @@ def _code() -> bytes:
     for path in [*files, root / "identification" / "frf.py"]:
         digest.update(path.read_bytes())
     return digest.digest()
-
-
-def _innermost(controller: str) -> str:
-    """The controller inside its wrappers."""
-    inner = inner_of(controller)
-    return _innermost(inner) if inner else controller
 
 
 def _file_name(controller: str) -> str:
