@@ -40,6 +40,7 @@ class Report:
         self._blocks: list[dict[str, Any]] = []
         self._figures: list[str] = []
         self._tables = 0
+        self._browser = ""
         self._sections: list[tuple[str, str]] = []
 
     def section(self, heading: str) -> "Report":
@@ -91,6 +92,11 @@ class Report:
             "figure", number=len(self._figures), height=layout["height"], caption=caption
         )
 
+    def case_browser(self, data: Mapping[str, Any]) -> "Report":
+        """Add a browser of single cases (case_browser.js says what it reads); one per page, left out in print."""
+        self._browser = _for_script(data)
+        return self._add("case_browser", fields=list(data["fields"]))
+
     def html(self) -> str:
         """The page as text."""
         environment = Environment(
@@ -108,7 +114,8 @@ class Report:
             blocks=self._blocks,
             figures=[Markup(figure) for figure in self._figures],
             template=Markup(_for_script(TEMPLATE.to_plotly_json())),
-            plotly_js=Markup(get_plotlyjs()) if self._figures else "",
+            browser=Markup(self._browser),
+            plotly_js=Markup(get_plotlyjs()) if self._figures or self._browser else "",
         )
 
     def write(self, path: str | os.PathLike[str]) -> Path:
