@@ -33,6 +33,7 @@ def make_report(summary: Mapping[str, Any], exhibits: Sequence[Result], scored: 
     ranking = summary.get("ranking") or ()
     proven = [a["controller"] for a in summary.get("assessments") or ()]
     looks = looks_of([*controllers_of(results), *(s["controller"] for s in ranking), *dict.fromkeys(proven)])
+    looks = {name: looks[name] for name in dict.fromkeys([*(s["controller"] for s in ranking), *looks])}  # best first
     report = Report(
         "Controllers that have to feel like their reference",
         "EPAS and steer-by-wire, torque tracking (impedance) and angle tracking (admittance)",

@@ -22,11 +22,13 @@ SHOWN = (
     "on_centre_stiffness", "returnability", "overshoot", "settling_time", "residual_angle", "passivity_gap_energy",
     "ripple", "hand_ripple", "effort", "saturation",
 )  # fmt: skip
-PLOT_STEPS = 1000  # of a curve's range: more than a screen shows
+PLOT_STEPS = 400  # of a curve's range at least: what a screen shows
 DIGITS = 3  # of a score
 
 
-def cases(report: Report, ranking: Sequence[Mapping[str, Any]], scored: Sequence[Result], looks: Mapping[str, Look]) -> None:
+def cases(
+    report: Report, ranking: Sequence[Mapping[str, Any]], scored: Sequence[Result], looks: Mapping[str, Look]
+) -> None:
     """The section with the browser; nothing where nothing was scored."""
     if not scored:
         return

@@ -17,8 +17,10 @@ CAUSALITIES = ("impedance", "admittance")
 TICKS_HZ = (0.2, 0.5, 1, 2, 3, 4, 5)
 DEG = 180.0 / np.pi
 SHOWN_BANDS = 5.0  # half heights of the band at which a deviation leaves the frame
-ACROSS = 5  # loops beside each other
+ACROSS, TITLE_PX = 5, 30  # loops beside each other; between two rows of them
 SYMBOLS_PER_LINE = 9
+DASHES = ("solid", "dot", "dashdot")  # arms
+ZERO = "#9AA5B1"
 
 
 class Deviation(NamedTuple):
@@ -64,7 +66,7 @@ def responses(results: Sequence[Result], looks: Looks | None = None) -> go.Figur
     looks = looks or looks_of(controllers_of(results))
     entries = _Legend()
     for column, causality in enumerate(CAUSALITIES, start=1):
-        here = [r for r in results if r["case"]["causality"] == causality and r["plot"]]
+        here = [r for r in _ordered(results, looks) if r["case"]["causality"] == causality and r["plot"]]
         if here and "exact_Hz" in here[0]["plot"]:
             f, H = _complex(here[0]["plot"], "exact", "exact_Hz")
             style = _line(REFERENCE, "dash") | entries.of("linear reference")
@@ -78,9 +80,10 @@ def responses(results: Sequence[Result], looks: Looks | None = None) -> go.Figur
             f, H = _complex(result["plot"], "achieved")
             _response(figure, column, f, H, _dots(look) | entries.of(look.label))
     _frequency_axes(figure, 3)
-    figure.update_yaxes(title_text="angle/torque [dB re deg/(N m)]", row=1, col=1)
-    figure.update_yaxes(title_text="phase [deg]", dtick=45, row=2, col=1)
-    figure.update_yaxes(title_text="rate/torque [dB re deg/s/(N m)]", row=3, col=1)
+    figure.update_yaxes(title_text="angle/torque<br>[dB re deg/(N m)]", row=1, col=1)
+    figure.update_yaxes(title_text="phase [deg]", row=2, col=1)
+    figure.update_yaxes(dtick=45, row=2)
+    figure.update_yaxes(title_text="rate/torque<br>[dB re deg/s/(N m)]", row=3, col=1)
     return _finish(figure, 760)
 
 
@@ -104,19 +107,21 @@ def deviations(
                 type="rect", x0=0.2, x1=end_Hz, y0=-limit, y1=limit, fillcolor=GRID, opacity=0.7, line_width=0,
                 layer="below", row=row, col=column,
             )  # fmt: skip
-            figure.add_hline(y=0.0, line={"color": MUTED, "width": 1}, row=row, col=column)
-    for curve in curves:
+    for curve in sorted(curves, key=lambda curve: list(looks).index(curve.controller)):
         look, column = looks[curve.controller], 1 + CAUSALITIES.index(curve.causality)
-        name = f"{look.label}, {curve.arm} arm" if len(arms) > 1 else look.label
-        style = _line(look.colour, ("solid", "dot", "dashdot")[arms.index(curve.arm) % 3], 1.6)
+        style = _line(look.colour, DASHES[arms.index(curve.arm) % len(DASHES)], 1.6)
         style |= {"mode": "lines+markers", "marker": {"color": look.colour, "symbol": look.symbol, "size": 6,
                                                       "maxdisplayed": SYMBOLS_PER_LINE}}  # fmt: skip
         for row, y in ((1, curve.dB), (2, curve.deg)):
-            figure.add_trace(go.Scatter(x=curve.frequency_Hz, y=y, **style, **entries.of(name)), row=row, col=column)
+            trace = go.Scatter(x=curve.frequency_Hz, y=y, **style, **entries.of(look.label))
+            figure.add_trace(trace, row=row, col=column)
+    for arm, dash in zip(arms if len(arms) > 1 else (), DASHES, strict=False):
+        style = _line(MUTED, dash, 1.6) | entries.of(f"{arm.replace('_', ' ')} arm")
+        figure.add_trace(go.Scatter(x=[None], y=[None], **style), row=1, col=1)
     for row, band, values in ((1, band_dB, [c.dB for c in curves]), (2, band_deg, [c.deg for c in curves])):
         reach = 1.06 * max((float(np.max(np.abs(v))) for v in values if len(v)), default=band)
         reach = min(max(reach, 1.3 * band), SHOWN_BANDS * band)
-        figure.update_yaxes(range=[-reach, reach], row=row)
+        figure.update_yaxes(range=[-reach, reach], zeroline=True, zerolinecolor=ZERO, row=row)
     _frequency_axes(figure, 2)
     figure.update_yaxes(title_text="magnitude error [dB]", row=1, col=1)
     figure.update_yaxes(title_text="phase error [deg]", row=2, col=1)
@@ -128,14 +133,16 @@ def loops(results: Sequence[Result], looks: Looks | None = None) -> go.Figure:
     looks = looks or looks_of(controllers_of(results))
     names = [name for name in looks if name in controllers_of(results)]
     across = min(len(names), ACROSS) or 1
-    lines = -(-len(names) // across)  # per causality
+    lines = -(-len(names) // across) or 1  # per causality
     titles = ["" for _ in range(2 * lines * across)]
     for k, name in enumerate(names):
         for half in (0, 1):
             titles[half * lines * across + k] = looks[name].label
+    panel_px = 300 if across < 4 else 150
+    height = 150 + 2 * lines * panel_px + (2 * lines - 1) * TITLE_PX
     figure = make_subplots(
         2 * lines, across, shared_xaxes="all", shared_yaxes="all", horizontal_spacing=0.012,
-        vertical_spacing=0.13 / (2 * lines), subplot_titles=titles,
+        vertical_spacing=TITLE_PX / (height - 150), subplot_titles=titles,
     )  # fmt: skip
     entries = _Legend()
     for result in results:
@@ -144,19 +151,21 @@ def loops(results: Sequence[Result], looks: Looks | None = None) -> go.Figure:
         row, column = 1 + CAUSALITIES.index(case["causality"]) * lines + k // across, 1 + k % across
         if not plot:
             figure.add_annotation(text="unstable", showarrow=False, x=0, y=0, row=row, col=column)
-        for kind, style in (("achieved", _line(look.colour)), ("reference", _line(REFERENCE, "dash", 1.3))):
-            if plot:
-                x, y = plot[f"{kind}_angle_deg"], plot[f"{kind}_torque_Nm"]
-                shown = entries.of("reference in the same run") if kind == "reference" else entries.of(look.label)
-                figure.add_trace(go.Scatter(x=x, y=y, **style, **shown), row=row, col=column)
-    reach = 1.06 * max((abs(x) for trace in figure.data for x in trace.x), default=1.0)
-    figure.update_xaxes(range=[-reach, reach], zeroline=True, zerolinecolor="#9AA5B1")
+            continue
+        for kind, style in (
+            ("achieved", _line(look.colour) | entries.of(look.label, shown=False)),
+            ("reference", _line(REFERENCE, "dash", 1.3) | entries.of("reference in the same run")),
+        ):
+            x, y = plot[f"{kind}_angle_deg"], plot[f"{kind}_torque_Nm"]
+            figure.add_trace(go.Scatter(x=x, y=y, **style), row=row, col=column)
+    for axes, of, standoff in ((figure.update_xaxes, "x", 4), (figure.update_yaxes, "y", 8)):
+        reach = 1.06 * max((abs(value) for trace in figure.data for value in trace[of]), default=1.0)
+        axes(range=[-reach, reach], zeroline=True, zerolinecolor=ZERO, title_standoff=standoff)
     figure.update_xaxes(title_text="pinion angle [deg]", row=2 * lines)
-    figure.update_yaxes(zeroline=True, zerolinecolor="#9AA5B1")
     for row in range(1, 2 * lines + 1):
-        figure.update_yaxes(title_text=f"{CAUSALITIES[(row - 1) // lines]} [N m]", row=row, col=1)
+        figure.update_yaxes(title_text=f"{CAUSALITIES[(row - 1) // lines]}<br>torque [N m]", row=row, col=1)
     figure.update_annotations(font={"size": 12.5})
-    return _finish(figure, 110 + 2 * lines * (300 if across < 4 else 180))
+    return _finish(figure, height)
 
 
 class _Legend:
@@ -172,6 +181,11 @@ class _Legend:
         return {"name": name, "legendgroup": group or name, "showlegend": shown}
 
 
+def _ordered(results: Sequence[Result], looks: Looks) -> list[Result]:
+    """In the order of the looks, which the legend follows."""
+    return sorted(results, key=lambda r: list(looks).index(r["case"]["controller"]))
+
+
 def _complex(plot: Mapping[str, Any], name: str, at: str = "frequency_Hz") -> tuple[Any, Any]:
     value = np.array(plot[f"{name}_real"]) + 1j * np.array(plot[f"{name}_imag"])
     return np.array(plot[at]), value
@@ -182,7 +196,8 @@ def _response(figure: go.Figure, column: int, f: Any, H: Any, style: dict[str, A
     rate = 20.0 * np.log10(2.0 * np.pi * f * DEG * np.abs(H))
     for row, y in ((1, 20.0 * np.log10(DEG * np.abs(H))), (2, phase), (3, rate)):
         own = style if row == 1 else style | {"showlegend": False}
-        figure.add_trace(go.Scatter(x=f, y=y, **own), row=row, col=column)
+        x, y = (np.asarray(values, np.float32) for values in (f, y))  # half the page's bytes
+        figure.add_trace(go.Scatter(x=x, y=y, **own), row=row, col=column)
 
 
 def _frequency_axes(figure: go.Figure, last: int) -> None:

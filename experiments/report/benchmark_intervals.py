@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -27,21 +28,22 @@ def intervals(
         column_widths=[1.6, *[1.0] * (len(panels) - 1)],
     )  # fmt: skip
     for column, standings in enumerate(panels.values(), start=1):
-        figure.add_vline(x=1.0, line={"color": INK, "width": 1, "dash": "dash"}, col=column)
         for standing in standings:
             look = looks[standing["controller"]]
             figure.add_trace(_dot(standing, names.index(standing["controller"]), look), row=1, col=column)
     reach = [max(v, LEAST_JND) for s in panels.values() for standing in s for v in standing["score_interval"]]
-    low, high = min([*reach, 0.8]), max([*reach, 1.25])
+    low, high = 0.9 * min([*reach, 0.8]), 1.1 * max([*reach, 1.25])
+    figure.add_vline(x=1.0, line={"color": INK, "width": 1, "dash": "dash"})
     ticks = [tick for tick in TICKS_JND if low <= tick <= high]
     figure.update_xaxes(type="log", tickvals=ticks, ticktext=[f"{t:g}" for t in ticks], tickangle=0)
+    figure.update_xaxes(range=[math.log10(low), math.log10(high)], title_standoff=4)
     figure.update_xaxes(title_text="score [JND]", col=1)
     figure.update_yaxes(
         tickvals=list(range(len(names))), ticktext=[looks[name].label for name in names],
         range=[len(names) - 0.5, -0.5],
     )  # fmt: skip
-    height = 120 + ROW_PX * len(names)
-    return figure.update_layout(template=TEMPLATE, height=height, showlegend=False, margin={"t": 56})
+    height = 140 + ROW_PX * len(names)
+    return figure.update_layout(template=TEMPLATE, height=height, showlegend=False, margin={"t": 76})
 
 
 def _dot(standing: Mapping[str, Any], row: int, look: Look) -> go.Scatter:

@@ -47,8 +47,9 @@ def limits(records: Sequence[Record], looks: Looks) -> go.Figure:
     """JND over speed, one panel per system; the limit is the black line."""
     systems = _systems(records)
     figure = make_subplots(
-        1, len(systems), shared_yaxes=True, horizontal_spacing=0.015, column_titles=[s.replace(" ", "<br>") for s in systems]
-    )
+        1, len(systems), shared_yaxes=True, horizontal_spacing=0.015,
+        column_titles=[system.replace(" ", "<br>") for system in systems],
+    )  # fmt: skip
     for column, here in enumerate(systems.values(), start=1):
         speeds = sorted({r["speed_kmh"] for r in here})
         lines = {"limit": (REFERENCE, "line-ew", [_median(_at(here, v), None) for v in speeds])}

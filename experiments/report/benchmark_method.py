@@ -44,9 +44,10 @@ def method(report: Report, summary: Mapping[str, Any]) -> None:
         f"{JND_DEG:.1f} deg in a response, which follows from what drivers can tell apart in force and angle. A case's "
         f"score is the mean of the metrics below, each at most {protocol.worst_score_jnd:g} JND, which is also what an "
         "unstable episode gets. A controller's score is the interquartile mean over its cases: the best and the worst "
-        f"quarter are left out, so that no single case decides. Intervals ({100.0 * protocol.bootstrap['coverage']:.0f} "
-        f"%) come from {protocol.bootstrap['resamples']:.0f} resamplings of the draws within each place, the same for "
-        "all controllers (of the places themselves where there is one draw only)."
+        f"quarter are left out, so that no single case decides. Intervals "
+        f"({100.0 * protocol.bootstrap['coverage']:.0f} %) come from {protocol.bootstrap['resamples']:.0f} resamplings "
+        "of the draws within each place, the same for all controllers (of the places themselves where there is one "
+        "draw only)."
     )
     report.table(
         ["manoeuvre", "metrics whose mean is the score"],
@@ -65,6 +66,7 @@ def method(report: Report, summary: Mapping[str, Any]) -> None:
         [[_group(name), name, m.unit, BETTER[m.better], m.meaning] for name, m in _sorted(METRICS) if m.better],
         "Metrics of every case, in scores.csv and scores.json; one that a case cannot tell is left empty. Where as the "
         "reference is better, NAME_reference is the reference's own value.",
+        dense=True,
     )
 
 

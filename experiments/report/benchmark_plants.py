@@ -31,7 +31,7 @@ def plant_section(
     report.section(TITLES.get(plant, plant))
     systems = [s for s in summary.get("systems") or () if s["plant"] == plant]
     if systems:
-        report.table(*_rankings(systems, summary, looks))
+        report.table(*_rankings(systems, summary, looks), dense=True)
     shown_exhibits = [r for r in exhibits if r["case"]["plant"] == plant]
     shown_scored = [r for r in scored if r["case"]["plant"] == plant]
     _deviations(report, plant, shown_exhibits, shown_scored, looks)
@@ -66,21 +66,19 @@ def nominal_numbers(report: Report, summary: Record, looks: Looks) -> None:
 def _rankings(
     systems: Sequence[Record], summary: Record, looks: Looks
 ) -> tuple[list[str], list[list[object]], str]:
-    columns = ["system", "rank", "95 %", "controller", "score [JND]", "95 %", "best", "unstable episodes", "safety"]
+    columns = ["causality", "rank (95 %)", "controller", "score [JND] (95 %)", "best", "unstable", "safety"]
     rows: list[list[object]] = []
     for system in systems:
         where = system["plant"], system["causality"]
         found = safeties(system["ranking"], summary, where)
         for s in system["ranking"]:
-            head, _, rest = found[s["controller"]].words.partition(":")
-            kind = "bad" if not s["safe"] else "good" if found[s["controller"]].judged else "open"
+            safety, (low, high) = found[s["controller"]], s["score_interval"]
             rows.append(
                 [
-                    system["causality"], s["rank"], f"{s['rank_interval'][0]}–{s['rank_interval'][1]}",
-                    looks[s["controller"]].label, f"{s['score']:.2f}",
-                    f"{s['score_interval'][0]:.2f}–{s['score_interval'][1]:.2f}",
+                    system["causality"], f"{s['rank']} ({s['rank_interval'][0]}–{s['rank_interval'][1]})",
+                    looks[s["controller"]].label, f"{s['score']:.2f} ({low:.2f}–{high:.2f})",
                     f"{100.0 * s['chance_of_best']:.0f} %", f"{s['unstable']} of {s['cases']}",
-                    Markup('<b class="{}">{}</b>{}').format(kind, head, f":{rest}" if rest else ""),
+                    Markup("{}: {}").format(safety.verdict, safety.counts),
                 ]
             )  # fmt: skip
     return columns, rows, f"{systems[0]['plant']}: ranking in each causality, gates of that system only."
@@ -103,8 +101,9 @@ def _deviations(
     if curves:
         report.figure(
             figures.deviations(curves, LIMIT_DB, LIMIT_DEG, REQUIRED_BAND_HZ[1], looks),
-            f"{plant}, nominal plant: deviation from the linear reference at {SHOWN_SPEED_KMH:.0f} km/h. Band: what is "
-            f"asked for, {LIMIT_DB} dB and {LIMIT_DEG:.0f} deg over {REQUIRED_BAND_HZ[0]:g}-{REQUIRED_BAND_HZ[1]:g} Hz.",
+            f"{plant}, nominal plant: deviation from the linear reference at {SHOWN_SPEED_KMH:.0f} km/h. Band: "
+            f"what is asked for, {LIMIT_DB} dB and {LIMIT_DEG:.0f} deg over "
+            f"{REQUIRED_BAND_HZ[0]:g}-{REQUIRED_BAND_HZ[1]:g} Hz.",
         )
 
 
@@ -167,6 +166,7 @@ def _nominal(report: Report, plant: str, summary: Record, looks: Looks) -> None:
         f"{plant}, nominal plant, not scored. Error: geometric mean over the exhibits of the rms error over the rms of "
         "the reference. dB and deg: largest deviation from the linear reference at "
         f"{SHOWN_SPEED_KMH:.0f} km/h, 0.2-4 Hz (asked for: {LIMIT_DB} dB and {LIMIT_DEG:.0f} deg).",
+        dense=True,
     )  # fmt: skip
     words = "".join(
         f"<p><b>{escape(looks[v.controller].label)}, {escape(v.causality)}.</b> {escape(v.text)}</p>" for v in found

@@ -27,11 +27,13 @@ def answer(report: Report, summary: Record, looks: Looks) -> None:
     for remark in _unsafe(ranking, found, looks):
         report.text(f"> {remark}")
     report.table(
-        ["rank", "95 %", "controller", "score [JND]", "95 %", "chance of best", "unstable episodes", "safety"],
+        ["rank (95 %)", "controller", "score [JND] (95 %)", "best", "unstable", "safety"],
         [_row(standing, found[standing["controller"]], looks) for standing in ranking],
         "All systems. Score: interquartile mean over the test cases of the distance to the reference, in just "
-        "noticeable differences (JND). Intervals and the chance of being best: bootstrap. An unsafe controller stands "
-        "behind every safe one. Unstable episodes count every case, those with an unstable reference too.",
+        "noticeable differences (JND). In brackets the 95 % intervals; best: chance of being the best; both from a "
+        "bootstrap. An unsafe controller stands behind every safe one. Unstable: episodes, those with an unstable "
+        "reference too.",
+        dense=True,
     )
     report.figure(
         intervals(ranking, summary.get("systems") or (), looks),
@@ -91,7 +93,8 @@ def _first(ranking: Sequence[Record], looks: Looks) -> list[str]:
         return [*sentences, "It was the only one scored."]
     rivals = [s for s in rest if s["safe"] and s["rank_interval"][0] == 1]
     if not rivals:
-        return [*sentences, f"No other safe controller reaches rank 1 within 95 % of the resamplings{_gap(ranking, looks)}."]
+        alone = f"No other safe controller reaches rank 1 within 95 % of the resamplings{_gap(ranking, looks)}."
+        return [*sentences, alone]
     listed = " and ".join(
         f"{_bold(s, looks)} ({s['score']:.2f} JND, best in {100.0 * s['chance_of_best']:.0f} %)" for s in rivals
     )
@@ -137,7 +140,7 @@ def _unsafe(ranking: Sequence[Record], found: Mapping[str, Safety], looks: Looks
         rank = by_score.index(standing) + 1
         lost = f" By score alone it would stand at rank {rank}." if rank < standing["rank"] else ""
         words = escape(found[standing["controller"]].words)
-        remarks.append(f"{_bold(standing, looks)} is {words}.{lost}")
+        remarks.append(f"{_bold(standing, looks)} is unsafe: {words}.{lost}")
     unproven = [s for s in ranking if s["safe"] and not found[s["controller"]].judged]
     if unproven:
         names = ", ".join(_bold(s, looks) for s in unproven)
@@ -147,13 +150,10 @@ def _unsafe(ranking: Sequence[Record], found: Mapping[str, Safety], looks: Looks
 
 def _row(standing: Record, safety: Safety, looks: Looks) -> list[object]:
     (low, high), (first, last) = standing["score_interval"], standing["rank_interval"]
-    kind = "good" if safety.safe and safety.judged else "bad" if not safety.safe else "open"
-    head, _, rest = safety.words.partition(":")
     return [
-        standing["rank"], f"{first}–{last}", looks[standing["controller"]].label, f"{standing['score']:.2f}",
-        f"{low:.2f}–{high:.2f}", f"{100.0 * standing['chance_of_best']:.0f} %",
-        f"{standing['unstable']} of {standing['cases']}",
-        Markup('<b class="{}">{}</b>{}').format(kind, head, f": {rest.strip()}" if rest else ""),
+        f"{standing['rank']} ({first}–{last})", looks[standing["controller"]].label,
+        f"{standing['score']:.2f} ({low:.2f}–{high:.2f})", f"{100.0 * standing['chance_of_best']:.0f} %",
+        f"{standing['unstable']} of {standing['cases']}", Markup("{}: {}").format(safety.verdict, safety.words),
     ]  # fmt: skip
 
 

@@ -36,7 +36,7 @@ def robustness(report: Report, summary: Record, looks: Looks) -> None:
             "Hover for the worst place and its margins.",
         )
     if gates:
-        report.table(*_margins(gates, summary.get("limits") or {}, looks))
+        report.table(*_margins(gates, summary.get("limits") or {}, looks), dense=True)
     if assessments:
         _failing(report, assessments, looks)
         _own_failures(report, assessments)
@@ -63,7 +63,7 @@ def _judged(assessments: Sequence[Record]) -> str:
 
 def _margins(gates: Sequence[Record], limits: Record, looks: Looks) -> tuple[list[str], list[list[object]], str]:
     columns = ["system", "controller", "growth [1/s]", "gain [dB]", "phase [deg]", "disk", "delay [ms]",
-               "arm radius", "gap at wheel", "gap at bar", "unstable places", "reference's own"]  # fmt: skip
+               "arm x", "gap: wheel", "gap: bar", "unstable", "reference's"]  # fmt: skip
     rows: list[list[object]] = [
         [
             f"{gate['plant']} {gate['causality']}", looks[gate["controller"]].label, f"{gate['growth']:.1f}",
@@ -72,20 +72,20 @@ def _margins(gates: Sequence[Record], limits: Record, looks: Looks) -> tuple[lis
             _up_to(gate["arm_radius"], limits.get("arm_radius"), 2), f"{gate['passivity_gap']:.1f}",
             f"{gate['bar_passivity_gap']:.1f}", len(gate["failures"]), len(gate["reference_failures"]),
         ]
-        for gate in gates
+        for gate in sorted(gates, key=lambda gate: (gate["plant"], gate["causality"] != "impedance"))
     ]  # fmt: skip
     caption = (
         "Worst over the places where the reference is stable; margins are those of the loop opened at the motor's "
-        "command, 0 where it is unstable, ≥ where the search ended. Arm radius: the smallest factor on the arm's "
+        "command, 0 where it is unstable, ≥ where the search ended. Arm x: the smallest factor on the arm's "
         "inertia, damping and stiffness that destabilises. Passivity gap in N m s/rad: least Re Z minus the "
         "reference's over 0.2–30 Hz, at the wheel and at the torsion bar; below 0 the loop can feed back more energy "
-        "than the reference."
+        "than the reference. Unstable: places; reference's: those where the reference is unstable too."
     )
     return columns, rows, caption
 
 
 def _up_to(value: float, limit: float | None, digits: int) -> str:
-    return f"{'≥ ' if limit is not None and value >= limit else ''}{value:.{digits}f}"
+    return f"≥ {limit:g}" if limit is not None and value >= limit else f"{value:.{digits}f}"
 
 
 def _failing(report: Report, assessments: Sequence[Record], looks: Looks) -> None:
@@ -106,6 +106,7 @@ def _failing(report: Report, assessments: Sequence[Record], looks: Looks) -> Non
             rows,
             "Places where a controller makes an unstable loop of a stable reference; at most the "
             f"{MOST_PLACES} fastest of each controller.{more}",
+            dense=True,
         )
 
 
@@ -146,4 +147,5 @@ def _confirmed(report: Report, confirmations: Sequence[Record], looks: Looks) ->
         ],
         "Growth of a small difference, linear and simulated, and the torsion-bar torque's range that is left after a "
         "kick of 0.3 rad/s: friction and limits may catch an unstable loop in a limit cycle.",
+        dense=True,
     )  # fmt: skip

@@ -17,7 +17,7 @@ MOST_DISK = 1.0  # colours end here
 REFERENCE = "reference itself"
 UNSTABLE, OWN = "#7F1D1D", "#C3CAD3"
 COLOURS = ((0.0, "#B35806"), (0.25, "#F1A340"), (0.5, "#F7F7F7"), (0.75, "#92C5DE"), (1.0, "#2166AC"))
-ROW_PX, FRAME_PX = 24, 70
+ROW_PX, FRAME_PX = 24, 86
 
 
 def robustness_map(assessments: Sequence[Record], looks: Mapping[str, Look]) -> go.Figure:
@@ -36,7 +36,7 @@ def robustness_map(assessments: Sequence[Record], looks: Mapping[str, Look]) -> 
         _panel(figure, plants.index(plant) + 1, causalities.index(causality) + 1, here, names, looks)
     figure.update_xaxes(title_text="speed [km/h]", row=len(plants))
     figure.update_layout(
-        template=TEMPLATE, height=height, margin={"t": 46, "b": 50, "r": 30},
+        template=TEMPLATE, height=height, margin={"t": 62, "b": 50, "r": 30},
         coloraxis={
             "colorscale": COLOURS, "cmin": 0.0, "cmax": MOST_DISK,
             "colorbar": {"title": {"text": "disk<br>margin", "side": "top"}, "thickness": 12, "len": 240,
@@ -72,8 +72,8 @@ def _panel(
                 scale = {"colorscale": [[0.0, colour], [1.0, colour]], "zmin": 0.0, "zmax": 1.0, "showscale": False}
             figure.add_trace(
                 go.Heatmap(
-                    z=z, text=text, texttemplate="%{text}", textfont={"size": 11}, customdata=hover, hoverongaps=False,
-                    hovertemplate="%{customdata}<extra></extra>", xgap=1, ygap=1, **scale,
+                    z=z, text=_masked(text, z), texttemplate="%{text}", textfont={"size": 11},
+                    customdata=_masked(hover, z), hoverongaps=False, hovertemplate="%{customdata}<extra></extra>", xgap=1, ygap=1, **scale,
                 ),
                 row=row, col=column,
             )  # fmt: skip
@@ -85,6 +85,11 @@ def _panel(
         tickvals=list(range(len(names) + 1)), ticktext=[*labels, REFERENCE], showgrid=False,
         range=[len(names) + 0.5, -0.5], row=row, col=column,
     )  # fmt: skip
+
+
+def _masked(words: Sequence[Sequence[str]], z: Sequence[Sequence[float | None]]) -> list[list[str]]:
+    """Words where a trace has a value: plotly would write them over another trace's cells too."""
+    return [["" if v is None else w for w, v in zip(*lines, strict=True)] for lines in zip(words, z, strict=True)]
 
 
 def _judged(cell: Iterable[Record]) -> list[Record]:
@@ -120,7 +125,10 @@ def _hover(label: str, cell: Sequence[Record]) -> str:
         return f"<b>{label}</b><br>the reference itself is unstable here" if cell else ""
     bad = _to_blame(cell)
     worst = max(bad, key=lambda a: a["growth"]) if bad else min(judged, key=lambda a: a["disk_margin"])
-    lines = [f"<b>{label}</b>, {place_words(worst)}", f"growth {worst['growth']:.2f} 1/s at {worst['frequency_Hz']:.1f} Hz"]
+    lines = [
+        f"<b>{label}</b>, {place_words(worst)}",
+        f"growth {worst['growth']:.2f} 1/s at {worst['frequency_Hz']:.1f} Hz",
+    ]
     if bad:
         lines.append(f"unstable at {len(bad)} of {len(judged)} places")
     else:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from markupsafe import Markup
+
 Record = Mapping[str, Any]
 
 
@@ -23,17 +25,28 @@ class Safety(NamedTuple):
     worst: str
 
     @property
-    def words(self) -> str:
-        """One line for a table."""
+    def verdict(self) -> Markup:
+        """One or two words, coloured."""
+        word, kind = ("unsafe", "bad") if not self.safe else ("safe", "good") if self.judged else ("not proven", "open")
+        return Markup('<b class="{}">{}</b>').format(kind, word)
+
+    @property
+    def counts(self) -> str:
+        """What the verdict rests on."""
         if self.safe:
             own = f" (unstable at {self.own} where the reference itself is)" if self.own else ""
-            return f"safe: stable at {self.judged} places{own}" if self.judged else "not proven: no unstable episode"
+            return f"stable at {self.judged} places{own}" if self.judged else "no unstable episode"
         counts = []
         if self.failing:
             counts.append(f"at {self.failing}{f' of {self.judged}' if self.judged else ''} places of the proof")
         if self.episodes:
             counts.append(f"in {self.episodes} episode{'s' * (self.episodes > 1)}")
-        return f"unsafe: unstable {' and '.join(counts)}; worst {self.worst}"
+        return f"unstable {' and '.join(counts)}"
+
+    @property
+    def words(self) -> str:
+        """The counts and, where it is unsafe, the worst of them."""
+        return self.counts if self.safe else f"{self.counts}; worst: {self.worst}"
 
 
 def safeties(

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
-from scipy.stats import trim_mean
 
 from experiments.bench_protocol import Protocol
 from experiments.bench_ranking import case_score
@@ -21,7 +20,11 @@ LEAST_JND, MOST_JND = 0.1, 10.0
 TICKS_JND = (0.1, 0.2, 0.5, 1, 2, 5, 10)
 # One JND is white: what lies on the blue side is less than a driver begins to notice.
 JND_COLOURS = ((0.0, "#2166AC"), (0.25, "#92C5DE"), (0.5, "#F7F7F7"), (0.75, "#F4A582"), (1.0, "#B2182B"))
-ROW_PX, FRAME_PX, BAR_PX = 21, 62, 44
+HOVER = (
+    "<b>%{y}</b>, %{x}<br>%{customdata[0]} JND (interquartile mean of %{customdata[2]} cases)<br>"
+    "worst case %{customdata[1]} JND, %{customdata[3]} unstable<extra></extra>"
+)
+ROW_PX, BETWEEN_PX, FRAME_PX, LABELS_PX = 21, 14, 62, 96
 
 
 class Cell(NamedTuple):
@@ -37,9 +40,11 @@ def cell_of(results: Sequence[Result]) -> Cell | None:
     """Summary of scored cases, None where there are none."""
     if not results:
         return None
-    scores = [case_score(result, Protocol.load()) for result in results]
+    protocol = Protocol.load()
+    scores = sorted(case_score(result, protocol) for result in results)
+    cut = len(scores) // 4
     unstable = sum(not result["stable"] for result in results)
-    return Cell(float(trim_mean(scores, 0.25)), max(scores), len(scores), unstable)
+    return Cell(float(np.mean(scores[cut : len(scores) - cut])), scores[-1], len(scores), unstable)
 
 
 def values_of(results: Iterable[Result], key: Callable[[Result], Any]) -> list[Any]:
@@ -65,8 +70,8 @@ def by_speed_and_arm(results: Sequence[Result]) -> list[list[Column]]:
 def by_everything(results: Sequence[Result]) -> list[list[Column]]:
     """Groups of columns: systems, manoeuvres, arms, speeds; a group of one says nothing and is left out."""
     groups = [
-        columns_of(results, lambda case: f"{case['plant']}<br>{case['causality']}"),
-        columns_of(results, lambda case: case["manoeuvre"].replace("_", "<br>", 1).replace("_", " ")),
+        columns_of(results, lambda case: f"{case['plant']} {case['causality']}"),
+        columns_of(results, lambda case: case["manoeuvre"].replace("_", " ")),
         *by_speed_and_arm(results)[::-1],
     ]
     return [group for group in groups if len(group) > 1]
@@ -82,17 +87,18 @@ def score_maps(
 ) -> go.Figure:
     """One heat map per panel (row title, column title), controller over columns; groups stand apart."""
     rows, across = values_of(panels, lambda key: key[0]), values_of(panels, lambda key: key[1])
-    panel_px = ROW_PX * len(names) + BAR_PX
-    height = FRAME_PX + len(rows) * panel_px + 60
+    height = FRAME_PX + LABELS_PX + len(rows) * ROW_PX * len(names) + (len(rows) - 1) * BETWEEN_PX
     figure = make_subplots(
         len(rows), len(across), shared_yaxes=True, horizontal_spacing=0.02,
-        vertical_spacing=min(BAR_PX / height, 0.9 / max(len(rows) - 1, 1)),
+        vertical_spacing=BETWEEN_PX / (height - FRAME_PX - LABELS_PX), shared_xaxes=True,
         column_titles=across if any(across) else None, row_titles=rows if any(rows) else None,
     )  # fmt: skip
     for (row, column), groups in panels.items():
         _score_map(figure, rows.index(row) + 1, across.index(column) + 1, groups, names, looks)
-    figure.update_layout(template=TEMPLATE, height=height, margin={"t": 46, "b": 60, "r": 30}, coloraxis=_scale())
-    return figure
+    figure.update_xaxes(ticks="", showticklabels=False)
+    figure.update_xaxes(ticks="outside", showticklabels=True, row=len(rows))
+    margin = {"t": FRAME_PX, "b": LABELS_PX, "r": 30}
+    return figure.update_layout(template=TEMPLATE, height=height, margin=margin, coloraxis=_scale())
 
 
 def _score_map(
@@ -103,22 +109,20 @@ def _score_map(
     for group in groups:
         spread += [*([None] if spread else []), *group]
     cells = [[_own(name, entry) for entry in spread] for name in names]
-    hover = [
-        [_hover(looks[name].label, entry, cell) for entry, cell in zip(spread, line, strict=True)]
-        for name, line in zip(names, cells, strict=True)
-    ]
     figure.add_trace(
         go.Heatmap(
             z=[[None if cell is None else _place(cell.score) for cell in line] for line in cells],
             text=[["" if cell is None else _words(cell) for cell in line] for line in cells],
-            texttemplate="%{text}", textfont={"size": 11}, customdata=hover, hoverongaps=False,
-            hovertemplate="%{customdata}<extra></extra>", coloraxis="coloraxis", xgap=1, ygap=1,
+            texttemplate="%{text}", textfont={"size": 10.5}, hoverongaps=False, coloraxis="coloraxis", xgap=1, ygap=1,
+            customdata=[[None if c is None else [f"{c.score:.3g}", f"{c.worst:.3g}", *c[2:]] for c in line]
+                        for line in cells],
+            hovertemplate=HOVER,
         ),
         row=row, col=column,
     )  # fmt: skip
     labels = {k: entry[0] for k, entry in enumerate(spread) if entry is not None}
     figure.update_xaxes(
-        tickvals=list(labels), ticktext=list(labels.values()), showgrid=False, tickangle=0, tickfont={"size": 11},
+        tickvals=list(labels), ticktext=list(labels.values()), showgrid=False, tickangle=-45, tickfont={"size": 11},
         range=[-0.5, len(spread) - 0.5], row=row, col=column,
     )  # fmt: skip
     figure.update_yaxes(
@@ -137,17 +141,8 @@ def _place(score: float) -> float:
 
 
 def _words(cell: Cell) -> str:
-    return f"{cell.score:.2g}" + (" ×" if cell.unstable else "")
-
-
-def _hover(label: str, column: Column | None, cell: Cell | None) -> str:
-    if column is None or cell is None:
-        return ""
-    where = column[0].replace("<br>", " ")
-    return (
-        f"<b>{label}</b>, {where}<br>{cell.score:.3g} JND (interquartile mean of {cell.cases} cases)<br>"
-        f"worst case {cell.worst:.3g} JND, {cell.unstable} unstable"
-    )
+    digits = 2 if cell.score < 0.995 else 1 if cell.score < 9.95 else 0
+    return f"{cell.score:.{digits}f}" + ("×" if cell.unstable else "")
 
 
 def _scale() -> dict[str, Any]:

@@ -62,11 +62,12 @@ class Report:
         return self._add("key_numbers", numbers=list(numbers))
 
     def table(
-        self, columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str = ""
+        self, columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "", dense: bool = False
     ) -> "Report":
         """Add a table; columns of numbers stand to the right, floats get four digits, None a dash.
 
-        Cells and captions are text: markup in them is shown, unless it is a markupsafe.Markup.
+        Cells and captions are text: markup in them is shown, unless it is a markupsafe.Markup. A ``dense``
+        table has many columns or rows; its lines break in the last column only.
         """
         numeric = [all(_is_number(row[k]) for row in rows) for k in range(len(columns))]
         cells = [[_cell(value) for value in row] for row in rows]
@@ -77,6 +78,7 @@ class Report:
             numeric=numeric,
             rows=cells,
             caption=caption,
+            dense=dense,
             number=self._tables,
         )
 
@@ -143,7 +145,7 @@ def _date() -> str:
 def _is_number(value: object) -> bool:
     if value is None or isinstance(value, int | float):
         return True
-    return bool(re.fullmatch(r"[\s\d.,eE+\-−–±×·^%()/]*", str(value)))
+    return bool(re.fullmatch(r"[\s\d.,eE+\-−–±×·≥^%()/]*", str(value)))
 
 
 def _cell(value: object) -> Markup:
