@@ -1,7 +1,7 @@
 """What lead and disturbance observer share: targets as torsion-bar torques, and what the model takes.
 
 ``p`` is the record of the law that calls; it has the fields named here: period, J_pin, b_pin,
-M_fric, c_fric, motor_ratio, command_age, motor_decay, rack_share, acceleration_bandwidth, gain,
+M_fric, c_fric, motor_ratio, prediction, command_age, motor_decay, rack_share, acceleration_bandwidth, gain,
 natural, damping_ratio, inertia_share, slope_limit.
 """
 
@@ -72,7 +72,10 @@ def torque_target(o: Observation, felt: Felt, motion: MotionState, p: Any) -> Ta
     a_2 = motion.acceleration_2
     load = load_of(o, o.pinion_acceleration, o.pinion_rate, motion.felt_friction, felt)
     # The wide-band acceleration would close a loop around the motor's own torque.
-    wanted = torque_of(o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2), felt)
+    # What is measured is late and what is commanded acts late: stiffness and damping are taken where
+    # the pinion will be. The acceleration cannot be foretold.
+    ahead = p.prediction * (felt.stiffness * o.pinion_rate + felt.b_ref * a_2)
+    wanted = torque_of(o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2) + ahead, felt)
     # Off centre the felt inertia is small; cancelling more of the hardware's would leave a body
     # without inertia behind a delay.
     felt_inertia = (1.0 + gain_at(felt, p)) * felt.J_ref / assist_slope(wanted, felt)
