@@ -11,7 +11,7 @@ parameters) -> (motor torque in N m at the motor's shaft, new state)`` marked ``
 Python on a bench, compiled in a rollout, the same bits in both. State is a NamedTuple of floats, so
 are the parameters except for arrays such as the reference over speed. ``law.LawController`` makes a
 ``Controller`` of the three. Limits sit after a controller, in the motor and in the rig's safety
-layer, never inside.
+layer, never inside; a law may know them to plan with (mpc does), and is limited all the same.
 
 Tests run over the table: protocol, determinism, reset forgets, finite, odd, Python = compiled, and
 a stable closed loop with every driver on every plant. Gains come from controllers/tuned where
@@ -42,6 +42,7 @@ CONTROLLERS: dict[str, str] = {
     "lead": "controllers.lead",
     "disturbance_observer": "controllers.disturbance_observer",
     "lqg": "controllers.lqg",
+    "mpc": "controllers.mpc",
     "super_twisting": "controllers.super_twisting",
     "passivity": "controllers.passivity",
 }

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +28,7 @@ from experiments.linear_loop import (
 from experiments.margins import Margins, margins
 from experiments.operating_points import POINTS, Place, place_of
 from experiments.perfect_tracking import NO_ARM
-from steer_env.envs.layout import PARAMETERS, PERIOD
-from steer_env.envs.task import Task, prepare
+from steer_env.envs.layout import PERIOD
 from steer_env.interface import Controller
 from steer_env.physics.driver import Driver
 from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
@@ -108,10 +106,9 @@ def assess(
 ) -> list[Assessment]:
     """Every speed x point x arm of a plant and causality; without speeds, all of the reference.
 
-    A linear reference has its one slope everywhere, so its points are those on centre.
-
     ``make(plant, reference, causality)`` gives the controller. ``hardware`` is the plant that is really
-    there (one ``drawn`` from the spread, say) where it is not what the controller was made for.
+    there (``Plant.drawn``, say) where it is not what the controller was made for. A linear
+    reference has one slope everywhere: without points, those on centre are enough for it.
     """
     told = PLANTS[plant] if isinstance(plant, str) else plant
     felt = Reference.load(reference)
@@ -125,13 +122,6 @@ def assess(
             place = place_of(told, causality, felt, speed, point, hardware)
             found += _at(controller, place, arms, (told.name, causality, float(speed)))
     return found
-
-
-def drawn(plant: Plant, rng: np.random.Generator) -> Plant:
-    """A plant out of the spread, with a dead time of 1 to 3 periods: what an environment's reset draws."""
-    row = prepare(Task(plant, randomise="plant"), rng, PERIOD).row
-    parts = {name: PARAMETERS.read(row, name) for name in ("steering", "motor", "sensors")}
-    return replace(plant, **parts)
 
 
 def _at(

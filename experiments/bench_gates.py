@@ -8,6 +8,7 @@ perfectly tracked, is unstable: that is the reference's property, not the contro
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -72,12 +73,17 @@ def unstable_episodes(name: str, results: Sequence[Result], weak: set[Where]) ->
     ]
 
 
-def unstable_share(make: Maker, plant: str, causality: str, reference: Reference, speeds_kmh: Sequence[float]) -> float:
-    """Share of places (speed, operating point, arm) with a stable reference at which the loop is unstable."""
+def unstable_share(
+    make: Maker, plant: str, causality: str, reference: Reference, speeds_kmh: Sequence[float], late: int = 0
+) -> float:
+    """Share of places (speed, operating point, arm) with a stable reference at which the loop is unstable.
+
+    The hardware's commands are ``late`` periods later than the controller was told.
+    """
     controller = make(PLANTS[plant], reference, causality)
     judged = unstable = 0
     for speed, point in product(speeds_kmh, POINTS):
-        place, environment, own = _surroundings(plant, causality, reference, speed, point)
+        place, environment, own = _surroundings(plant, causality, reference, speed, point, late)
         loops = modes(closed_loop(environment, law_half(controller, place)))
         for loop, growth in zip(loops, own, strict=True):
             judged += growth < 0.0
@@ -89,12 +95,14 @@ _kept: dict[tuple[Any, ...], tuple[Place, Half, list[float]]] = {}
 
 
 def _surroundings(
-    plant: str, causality: str, reference: Reference, speed_kmh: float, point: str
+    plant: str, causality: str, reference: Reference, speed_kmh: float, point: str, late: int
 ) -> tuple[Place, Half, list[float]]:
     """What does not depend on the controller: place, environments with every arm, the reference's own growths."""
-    key = (plant, causality, reference.table.tobytes(), speed_kmh, point)
+    key = (plant, causality, reference.table.tobytes(), speed_kmh, point, late)
     if key not in _kept:
-        place, arms = place_of(PLANTS[plant], causality, reference, speed_kmh, point), list(DRIVERS.values())
+        told, arms = PLANTS[plant], list(DRIVERS.values())
+        motor = told.motor._replace(dead_time=told.motor.dead_time + late)
+        place = place_of(told, causality, reference, speed_kmh, point, replace(told, motor=motor))
         _kept[key] = place, environment_half(place, arms), growths(place, arms).tolist()
     return _kept[key]
 

@@ -25,12 +25,15 @@ from experiments.bench_ranking import Standing, case_score, standings
 from experiments.bench_run import run_cases
 from experiments.bench_verdict import Verdict, verdicts
 from experiments.cli_options import common_options, print_json, print_table, progress
+from experiments.limit import as_records, limits
 from experiments.metrics import METRICS
+from experiments.robustness import QUICK_KMH
 from steer_env import __version__, atomic
 from steer_env.errors import InputError
 from steer_env.plants import Reference
 
 SCHEMA_VERSION = 2
+LIMIT_KMH = (45.0, 75.0, 105.0)  # speeds at which the limit is found
 
 Result = dict[str, Any]
 Advance = Callable[..., None]
@@ -60,6 +63,9 @@ def benchmark(
     store = None if out is None else out / "cases"
     results = run_cases(cases, chosen, seed, jobs, store, advance, makers, ray)
     gates, proof = gates_of(plain, chosen, results, makers, quick, jobs, advance)
+    speeds, arms = ((QUICK_KMH,), ("relaxed",)) if quick else (LIMIT_KMH, protocol.arms)
+    proof["limit"] = as_records(limits(plain, chosen, speeds, makers, arms))
+    advance(note="limit")
     return write_scores(out, results, chosen.source, seed, gates, proof, quick)
 
 
@@ -112,7 +118,7 @@ def command(
     names = [*_shipped(only), *own]
     for name in own:
         controllers.maker(name)  # a misspelt name ends here, not after minutes
-    total = len(cases_of(names, Protocol.load(), quick)) + 4  # and the proof of four systems
+    total = len(cases_of(names, Protocol.load(), quick)) + 5  # and the proof of four systems, and the limit
     with progress("benchmark", total=total, quiet=quiet) as advance:
         summary = benchmark(
             names, reference, quick=quick, seed=seed, jobs=jobs, out=out, ray=ray, advance=advance

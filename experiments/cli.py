@@ -38,6 +38,8 @@ COMMANDS = {
     "benchmark": Entry(
         "experiments.benchmark:command", "Score controllers on tracking a reference."
     ),
+    "robustness": Entry("experiments.robustness:command", "Prove controllers stable before they are scored."),
+    "tune": Entry("experiments.tune:command", "Tune a controller's gains on the training cases."),
     "train": Entry("experiments.train:command", "Train a torque policy."),
     "gap": Entry("experiments.gap:command", "Find, name and add the effect that a model misses."),
     "rig": Entry("experiments.rig:command", "A force-feedback motor on a CAN bus."),

@@ -1,12 +1,11 @@
 """The loop as two linear halves, each the program's own function differentiated at an operating point.
 
-Environment (``control_period`` behind ``step_batch``, here): torque target of the motor and torque of the
-hand in, what the control unit measures out. Law (experiments.law_half): what is
-measured in, target out. The law's half also keeps the last four commands, which it sees as ``last_torque_1`` to ``_4``:
-so the loop opens between control unit and motor, where a motor's gain error or more dead time sits.
-The environment's half depends on the arm and not on the controller, the law's the other way round;
-both halves are kept per process. The torque that the control unit counts as its motor's is the true
-one, as in the program.
+Environment (``control_period`` behind ``step_batch``, here): torque target of the motor and torque of
+the hand in, what the control unit measures out. Law (experiments.law_half): what is measured in,
+target out. The law's half also keeps the last four commands, which it sees as ``last_torque_1`` to
+``_4``: so the loop opens between control unit and motor, where a motor's gain error or more dead time
+sits. The environment's half depends on the arm and not on the controller, the law's the other way
+round. The torque that the control unit counts as its motor's is the true one, as in the program.
 
 All is in periods of PERIOD s: x+ = A x + B u, y = C x + D u, and z = exp(j w PERIOD).
 """
@@ -31,6 +30,7 @@ Complexes = NDArray[np.complex128]
 MEASURED = tuple(name for name in Observation._fields if name != "speed" and not name.startswith("last_torque"))
 MOTOR, HAND = 0, 1  # inputs of the environment
 PORTS = slice(len(MEASURED), None)  # its last outputs: what an impedance is made of
+PORT_NAMES = ("steering_rate", "pinion_rate", "torsion_bar_torque")
 WHEEL_RATE, PINION_RATE, BAR_TORQUE = range(3)  # among them
 COMMANDS = 4  # periods of commands that a law sees
 ANGLE_STEP, STEP = 1e-7, 1e-5  # rad and any other unit: far below what friction and assist bend over
@@ -47,17 +47,19 @@ class Half(NamedTuple):
     D: Array
 
 
-def environment_half(place: Place, arms: Sequence[Driver]) -> Half:
+def environment_half(
+    place: Place, arms: Sequence[Driver], parts: Sequence[str] = PARTS, truths: Sequence[str] = PORT_NAMES
+) -> Half:
     """Environments [m] with the given arms: inputs MOTOR and HAND, outputs MEASURED and then PORTS.
 
-    States: plant, observer, generator, the unit's last reference, and what the delay lines still
-    have to give.
+    States: plant, observer, generator (``parts``), the unit's last reference, and what the delay lines
+    still have to give (``delayed``). ``truths`` names other last outputs than PORTS.
     """
     parameters = with_arms(place, arms)
-    columns = np.array([i for part in PARTS for i in range(STATE[part].start, STATE[part].stop)])
-    names = [name for part in PARTS for name in STATE.records[part]._fields]
+    columns = np.array([i for part in parts for i in range(STATE[part].start, STATE[part].stop)])
+    names = [name for part in parts for name in STATE.records[part]._fields]
     columns = np.append(columns, STATE.column("clock", "last_reference"))
-    memory = _delayed(place)
+    memory = delayed(place)
     names += ["last_reference_angle", *(LINES[line] for line, _ in memory)]
     steps = np.array([ANGLE_STEP if "angle" in name else STEP for name in names] + [STEP, STEP])
     n, inputs = len(names), len(names) + 2
@@ -79,10 +81,10 @@ def environment_half(place: Place, arms: Sequence[Driver]) -> Half:
         amplitude = PARAMETERS.column("manoeuvre", "amplitude")
         rows[:, n + HAND, sign, amplitude] += moved[n + HAND] / held_torque(parameters[0])
 
-    seen, truths = _one_period(commands, rows, states, lines, place)
+    seen, really = _one_period(commands, rows, states, lines, place)
     measured = [Observation._fields.index(name) for name in MEASURED]
-    ports = [Truth._fields.index(name) for name in ("steering_rate", "pinion_rate", "torsion_bar_torque")]
-    outputs = np.concatenate([seen[..., measured], truths[..., ports]], axis=-1)
+    ports = [Truth._fields.index(name) for name in truths]
+    outputs = np.concatenate([seen[..., measured], really[..., ports]], axis=-1)
     kept = [states[..., columns]]
     kept += [lines[..., line, (CLOCK + 1 - age) % LINE_LENGTH][..., None] for line, age in memory]
     after = np.concatenate([*kept, outputs], axis=-1)
@@ -150,7 +152,7 @@ def response(half: Half, omega: Array) -> Complexes:
     return np.asarray(C @ np.linalg.solve(z * np.eye(len(A)) - A, inputs) + D, dtype=complex)
 
 
-def _delayed(place: Place) -> list[tuple[int, int]]:
+def delayed(place: Place) -> list[tuple[int, int]]:
     """(Line, age in periods) of what the delay lines still have to give."""
     motor, sensors = PARAMETERS.read(place.parameters, "motor"), PARAMETERS.read(place.parameters, "sensors")
     delays = (motor.dead_time, sensors.angle_delay, sensors.torque_delay, sensors.angle_delay)

@@ -25,7 +25,8 @@ from steer_env.plants import DRIVERS, Plant, Reference
 
 Array = NDArray[np.float64]
 
-KICK, LINEAR = 1e-8, (1e-13, 1e-3)  # rad/s of the wheel; where the difference is neither lost nor large
+KICK, LINEAR = 1e-6, (1e-10, 1e-3)  # rad/s of the wheel; where the difference is neither lost nor large
+ASTRAY = 1e-2  # rad/s; beyond it the run without a kick has left the point as well
 CYCLES, WINDOWS_S = 1.0, (0.02, 0.25)  # cycles that are averaged over, within these times
 FELT_KICK = 0.3  # rad/s
 SECONDS, LAST = 5.0, 1.0  # s of a run, and of its end that is looked at
@@ -89,17 +90,23 @@ def simulated_growth(controller: Controller, place: Place, arm: Driver, frequenc
     still, kicked = (_run(controller, place, row, kick) for kick in (0.0, KICK))
     length = min(len(still), len(kicked))
     columns = [Truth._fields.index(name) for name in ("steering_rate", "pinion_rate")]
-    difference = np.sum((kicked[:length, columns] - still[:length, columns]) ** 2, axis=1)
+    kicked, still = kicked[:length, columns], still[:length, columns]
     seconds = min(max(CYCLES / max(frequency_Hz, 0.1), WINDOWS_S[0]), WINDOWS_S[1])
     window = round(seconds / PERIOD)
-    n = length // window
-    size = np.sqrt(difference[: n * window].reshape(n, window).mean(axis=1))
-    outside = np.flatnonzero((size < LINEAR[0]) | (size > LINEAR[1]))
+    size, drift = _size(kicked - still, window), _size(still, window)
+    n = len(size)
+    outside = np.flatnonzero((size < LINEAR[0]) | (size > LINEAR[1]) | (drift > ASTRAY))
     n = int(outside[0]) if outside.size else n
     if n < LEAST_WINDOWS:
         return None
     late = np.arange(n // 2, n)
     return float(np.polyfit(late * window * PERIOD, np.log(size[late]), 1)[0])
+
+
+def _size(rates: Array, window: int) -> Array:
+    """Root mean square of both rates [n, 2] over windows of so many periods."""
+    n = len(rates) // window
+    return np.sqrt((rates[: n * window] ** 2).sum(axis=1).reshape(n, window).mean(axis=1))
 
 
 def _run(controller: Controller, place: Place, row: Array, kick: float) -> Array:

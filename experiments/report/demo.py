@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.bench_verdict import LIMIT_DB, LIMIT_DEG, Verdict, verdicts
+from experiments.bench_verdict import LIMIT_DB, LIMIT_DEG, REQUIRED_BAND_HZ, Verdict, verdicts
 from experiments.benchmark import Result, short_table
 from experiments.report import benchmark_figures, identify_figures
 from experiments.report.page import Report
@@ -127,8 +127,9 @@ def _tracked(report: Report, results: Sequence[Result], told: Sequence[Verdict])
             benchmark_figures.loops(sines),
             f"{plant}: torque over angle at 0.2 Hz, dashed the reference.",
         )
+        curves = [curve for curve in map(benchmark_figures.deviation_of, linear) if curve is not None]
         report.figure(
-            benchmark_figures.deviations(linear, LIMIT_DB, LIMIT_DEG),
+            benchmark_figures.deviations(curves, LIMIT_DB, LIMIT_DEG, REQUIRED_BAND_HZ[1]),
             f"{plant}: deviation from the linear reference; the band is {LIMIT_DB} dB and {LIMIT_DEG:g} deg.",
         )
     for verdict in told:

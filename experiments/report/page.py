@@ -40,6 +40,7 @@ class Report:
         self._blocks: list[dict[str, Any]] = []
         self._figures: list[str] = []
         self._tables = 0
+        self._browser = ""
         self._sections: list[tuple[str, str]] = []
 
     def section(self, heading: str) -> "Report":
@@ -61,11 +62,12 @@ class Report:
         return self._add("key_numbers", numbers=list(numbers))
 
     def table(
-        self, columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str = ""
+        self, columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "", dense: bool = False
     ) -> "Report":
         """Add a table; columns of numbers stand to the right, floats get four digits, None a dash.
 
-        Cells and captions are text: markup in them is shown, unless it is a markupsafe.Markup.
+        Cells and captions are text: markup in them is shown, unless it is a markupsafe.Markup. A ``dense``
+        table has many columns or rows; its lines break in the last column only.
         """
         numeric = [all(_is_number(row[k]) for row in rows) for k in range(len(columns))]
         cells = [[_cell(value) for value in row] for row in rows]
@@ -76,6 +78,7 @@ class Report:
             numeric=numeric,
             rows=cells,
             caption=caption,
+            dense=dense,
             number=self._tables,
         )
 
@@ -90,6 +93,11 @@ class Report:
         return self._add(
             "figure", number=len(self._figures), height=layout["height"], caption=caption
         )
+
+    def case_browser(self, data: Mapping[str, Any]) -> "Report":
+        """Add a browser of single cases (case_browser.js says what it reads); one per page, left out in print."""
+        self._browser = _for_script(data)
+        return self._add("case_browser", fields=list(data["fields"]))
 
     def html(self) -> str:
         """The page as text."""
@@ -108,7 +116,8 @@ class Report:
             blocks=self._blocks,
             figures=[Markup(figure) for figure in self._figures],
             template=Markup(_for_script(TEMPLATE.to_plotly_json())),
-            plotly_js=Markup(get_plotlyjs()) if self._figures else "",
+            browser=Markup(self._browser),
+            plotly_js=Markup(get_plotlyjs()) if self._figures or self._browser else "",
         )
 
     def write(self, path: str | os.PathLike[str]) -> Path:
@@ -136,7 +145,7 @@ def _date() -> str:
 def _is_number(value: object) -> bool:
     if value is None or isinstance(value, int | float):
         return True
-    return bool(re.fullmatch(r"[\s\d.,eE+\-−–±×·^%()/]*", str(value)))
+    return bool(re.fullmatch(r"[\s\d.,eE+\-−–±×·≥^%()/]*", str(value)))
 
 
 def _cell(value: object) -> Markup:

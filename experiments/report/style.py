@@ -1,13 +1,18 @@
 """How our figures look: colours that colour-blind readers can tell apart, engineering axes."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import plotly.graph_objects as go
 from plotly.colors import sample_colorscale
 
 # Okabe and Ito's palette (2008), ordered so that the first ones differ most; its yellow is too
-# faint on white and left out.
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4D4D4D")
+# faint on white and left out. Behind it three that stay apart from all of these in simulated
+# protanopia and deuteranopia (Machado 2009).
+PALETTE = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4D4D4D", "#802000", "#2A00E0", "#9CB259",
+)  # fmt: skip
+SYMBOLS = ("circle", "square", "diamond", "triangle-up", "x", "cross", "star", "triangle-down", "pentagon", "hexagon")
 INK, GRID, MUTED = "#1F2933", "#E4E7EB", "#616E7C"
 REFERENCE = INK  # the reference that others are compared with: always this, dashed
 FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif'
@@ -28,6 +33,24 @@ def colour_of(names: Sequence[str], ordered: bool = False) -> dict[str, str]:
     if ordered or len(distinct) > len(PALETTE):
         return dict(zip(distinct, ordered_colours(len(distinct)), strict=True))
     return dict(zip(distinct, PALETTE, strict=False))
+
+
+class Look(NamedTuple):
+    """How one of many things that are compared is drawn: label, colour and, for those who cannot tell it, symbol."""
+
+    label: str
+    colour: str
+    symbol: str
+
+
+def looks_of(names: Sequence[str]) -> dict[str, Look]:
+    """A look per distinct name, in order of appearance; of a path only its last part is the label."""
+    colours = colour_of(names)
+    ends = [name.rsplit("/", 1)[-1] for name in colours]
+    return {
+        name: Look(end if ends.count(end) == 1 else name, colour, SYMBOLS[k % len(SYMBOLS)])
+        for k, ((name, colour), end) in enumerate(zip(colours.items(), ends, strict=True))
+    }
 
 
 def _axis() -> dict[str, object]:

@@ -84,7 +84,7 @@ def test_the_peak_is_where_the_field_report_has_it():
     ("name", "plant", "causality", "speed", "point", "arm"),
     [
         ("pid", "EPAS", "impedance", 15.0, "centre_stuck", "hands_off"),  # grows, 7.9 Hz
-        ("pid", "EPAS", "admittance", 30.0, "peak_stuck", "tense"),  # grows, 32 Hz
+        ("pid", "EPAS", "admittance", 30.0, "peak_stuck", "relaxed"),  # decays, 2.5 Hz
         ("lqg", "EPAS", "admittance", 75.0, "centre_stuck", "relaxed"),  # decays, 4.3 Hz
         ("lqg", "SbW", "admittance", 15.0, "centre_stuck", "relaxed"),  # grows, 16 Hz
         ("pid", "SbW", "impedance", 45.0, "peak_stuck", "torque_source"),  # decays, 5 Hz

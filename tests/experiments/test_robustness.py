@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import controllers
 from controllers.law import LawController
-from experiments.assessment import Assessment, assess, drawn
+from experiments.assessment import Assessment, assess
 from experiments.loop_simulation import confirm, worst_stuck
 from experiments.robustness import command, safe
 from steer_env.errors import InputError
@@ -103,17 +103,22 @@ def test_what_the_reference_cannot_do_is_not_held_against_a_controller():
         safe([])
 
 
-def test_an_admittance_off_centre_at_parking_speed_is_the_controllers_own_fault():
-    """30 km/h at the steepest assist: the reference is stable there, pid's angle loop is not, and the car is thrown."""
-    found = pid_at("EPAS", "admittance", [30.0], points=["peak_stuck"])
+@pytest.mark.parametrize(("factor", "thrown"), [(1.3, False), (5.0, True)])
+def test_an_unsafe_place_is_unsafe_in_the_program_too(factor, thrown):
+    """pid with its gain margin of 1.5 dB used up grows as the eigenvalue says, until friction holds it in a limit
+    cycle that a hand feels; five times too strong it throws the wheel."""
+    plant, wrong = PLANTS["EPAS"], spoilt(factor)
+    found = assess(wrong, plant, "impedance", REFERENCE, [75.0], points=["centre_stuck"])
     gate = safe(found)
     assert len(gate.failures) == len(DRIVERS)
     assert not gate.reference_failures
-    plant = PLANTS["EPAS"]
-    seen = confirm(controllers.make("pid", plant, REFERENCE, "admittance"), plant, REFERENCE, worst_stuck(found))
-    assert seen.agrees
-    assert seen.thrown
-    assert seen.simulated_growth == pytest.approx(seen.growth, rel=0.05)
+    seen = confirm(wrong(plant, REFERENCE, "impedance"), plant, REFERENCE, worst_stuck(found))
+    assert seen.thrown == thrown
+    if not thrown:
+        right = confirm(spoilt()(plant, REFERENCE, "impedance"), plant, REFERENCE, worst_stuck(found))
+        assert seen.left_Nm > max(0.05, 4.0 * right.left_Nm)
+        assert seen.agrees
+        assert seen.simulated_growth == pytest.approx(seen.growth, rel=0.05)
 
 
 def test_a_law_that_does_not_look_at_the_reference_does_not_care_what_it_is():
@@ -128,14 +133,9 @@ def test_a_law_that_does_not_look_at_the_reference_does_not_care_what_it_is():
 
 
 def test_hardware_that_is_not_what_the_controller_was_told():
-    """Draws stay inside the spread, wait 1 to 3 periods, and change what is found; the nominal one does not."""
+    """A draw that is late by more than the delay margin is unstable; the nominal plant as hardware changes nothing."""
     nominal, rng = PLANTS["EPAS"], np.random.default_rng(1)
-    draws = [drawn(nominal, rng) for _ in range(20)]
-    for name, (low, high) in nominal.spread.items():
-        part, field = name.split(".")
-        ratios = [getattr(getattr(d, part), field) / getattr(getattr(nominal, part), field) for d in draws]
-        assert low <= min(ratios) < max(ratios) <= high
-    assert {d.motor.dead_time for d in draws} == {1.0, 2.0, 3.0}
+    draws = [nominal.drawn(rng) for _ in range(20)]
     arms = {"relaxed": DRIVERS["relaxed"]}
     one, same, other = (
         pid_at("EPAS", "impedance", [75.0], arms=arms, points=["centre_stuck"], hardware=hardware)[0]

@@ -1,0 +1,131 @@
+"""How near controllers come to what any controller could reach, and what a step of them costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import Any
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from experiments.report.page import Report
+from experiments.report.style import REFERENCE, TEMPLATE, Look
+from steer_env.envs.layout import PERIOD
+
+Record = Mapping[str, Any]
+Looks = Mapping[str, Look]
+TICKS_JND = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10)
+
+
+def limit(report: Report, summary: Record, looks: Looks) -> None:
+    """Distance to the limit, from ``limit``: records of a place, its limit and what each controller reached."""
+    records: Sequence[Record] = summary.get("limit") or ()
+    if not records:
+        return
+    report.section("Distance to the limit")
+    report.text(" ".join(_sentences(records, looks)))
+    report.figure(
+        limits(records, looks),
+        "Tracking error in JND: the limit (black) and what was reached, median over arms. What lies on the black line "
+        "cannot be improved by control.",
+    )
+    report.table(
+        ["system", "controller", "median [times the limit]", "nearest", "farthest", "places"],
+        [
+            [system, looks[name].label, f"{median(r):.2f}", f"{min(r):.2f}", f"{max(r):.2f}", len(r)]
+            for system, here in _systems(records).items()
+            for name in looks
+            for r in [_ratios(here, name)]
+            if r
+        ],
+        "Tracking error over the limit's at the same speed and arm; 1 is the limit.",
+    )
+
+
+def limits(records: Sequence[Record], looks: Looks) -> go.Figure:
+    """JND over speed, one panel per system; the limit is the black line."""
+    systems = _systems(records)
+    figure = make_subplots(
+        1, len(systems), shared_yaxes=True, horizontal_spacing=0.015,
+        column_titles=[system.replace(" ", "<br>") for system in systems],
+    )  # fmt: skip
+    for column, here in enumerate(systems.values(), start=1):
+        speeds = sorted({r["speed_kmh"] for r in here})
+        lines = {"limit": (REFERENCE, "line-ew", [_median(_at(here, v), None) for v in speeds])}
+        for name, look in looks.items():
+            if any(r["reached"].get(name) is not None for r in here):
+                lines[look.label] = look.colour, look.symbol, [_median(_at(here, v), name) for v in speeds]
+        for label, (colour, symbol, values) in lines.items():
+            of_limit = label == "limit"
+            figure.add_trace(
+                go.Scatter(
+                    x=speeds, y=values, name=label, legendgroup=label, showlegend=column == 1,
+                    mode="lines" if of_limit and len(speeds) > 1 else "markers",
+                    line={"color": colour, "width": 2.5},
+                    marker={"color": colour, "symbol": symbol, "size": 14 if of_limit else 8,
+                            "line": {"width": 3 if of_limit else 0, "color": colour}},
+                ),
+                row=1, col=column,
+            )  # fmt: skip
+    figure.add_hline(y=1.0, line={"color": "#9AA5B1", "width": 1, "dash": "dash"})
+    figure.update_yaxes(type="log", tickvals=TICKS_JND, ticktext=[f"{t:g}" for t in TICKS_JND])
+    figure.update_yaxes(title_text="tracking error [JND]", col=1)
+    figure.update_xaxes(title_text="speed [km/h]")
+    legend = {"orientation": "h", "x": 0, "y": -0.2, "yanchor": "top"}
+    return figure.update_layout(template=TEMPLATE, height=430, legend=legend, margin={"t": 56})
+
+
+def step_cost(report: Report, summary: Record, looks: Looks) -> None:
+    """What one step costs, from ``step_cost``: microseconds by controller."""
+    costs: Mapping[str, Record] = summary.get("step_cost") or {}
+    if not costs:
+        return
+    period_us = 1e6 * PERIOD
+    report.section("What a step costs")
+    report.table(
+        ["controller", "median [µs]", "99.9 % [µs]", "99.9 % of the period [%]"],
+        [
+            [looks[name].label if name in looks else name, f"{cost['p50_us']:.2f}", f"{cost['p999_us']:.2f}",
+             f"{100.0 * cost['p999_us'] / period_us:.2f}"]
+            for name, cost in sorted(costs.items(), key=lambda item: item[1]["p50_us"])
+        ],
+        f"Time of one call of the law, on the machine of this run; the control period is {period_us:.0f} µs.",
+    )  # fmt: skip
+
+
+def _systems(records: Sequence[Record]) -> dict[str, list[Record]]:
+    found: dict[str, list[Record]] = {}
+    for record in records:
+        found.setdefault(f"{record['plant']} {record['causality']}", []).append(record)
+    return found
+
+
+def _at(records: Sequence[Record], speed: float) -> list[Record]:
+    return [r for r in records if r["speed_kmh"] == speed]
+
+
+def _median(records: Sequence[Record], name: str | None) -> float | None:
+    values = [r["limit_jnd"] if name is None else r["reached"].get(name) for r in records]
+    known = [value for value in values if value is not None]
+    return median(known) if known else None
+
+
+def _ratios(records: Sequence[Record], name: str) -> list[float]:
+    return [
+        r["reached"][name] / r["limit_jnd"]
+        for r in records
+        if r["reached"].get(name) is not None and r["limit_jnd"] > 0.0
+    ]
+
+
+def _sentences(records: Sequence[Record], looks: Looks) -> list[str]:
+    above = sum(r["limit_jnd"] > 1.0 for r in records)
+    sentences = [f"No controller could come nearer than 1 JND at {above} of {len(records)} places."] if above else []
+    middle = {name: median(r) for name in looks for r in [_ratios(records, name)] if r}
+    if middle:
+        best = min(middle, key=lambda name: middle[name])
+        sentences.append(
+            f"**{looks[best].label}** is nearest to the limit: {middle[best]:.2f} times its error in the median."
+        )
+    return sentences
