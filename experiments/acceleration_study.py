@@ -125,9 +125,8 @@ def result(plant: str, name: str, kind: str, bandwidth_Hz: float, reference: Ref
     task = Task(made_for, "impedance", reference, manoeuvre=MANOEUVRE, speed_kmh=SPEED_KMH, driver=DRIVER)
     episode = run(task, make(made_for, reference, "impedance"), 1, 1.0)
     scores = score(Trial(episode, "impedance", False, MANOEUVRE)) if episode.stable else {}
-    wanted = ("frf_complex", "tracking_relative", "ripple")
-    values = [scores.get(key, math.nan) for key in wanted]
-    return Result(plant, name, kind, bandwidth_Hz, *values, gate.growth, gate.safe)
+    frf, tracking, ripple = (scores.get(key, math.nan) for key in ("frf_complex", "tracking_relative", "ripple"))
+    return Result(plant, name, kind, bandwidth_Hz, frf, tracking, ripple, gate.growth, gate.safe)
 
 
 def study(reference: Reference, names: Iterable[str] = NAMES) -> list[Result]:
