@@ -42,6 +42,9 @@ def heavy(plant, reference, causality, **gains):
     law = heavy_torque if causality == "impedance" else heavy_angle
     return LawController(law, lambda period: pid.design(plant, reference, period), pid.PidState())
 
+def cold(plant, reference, causality, **gains):
+    return pid.make(plant, reference, causality)
+
 def hot(plant, reference, causality, **gains):
     if causality == "impedance":
         return pid.make(plant, reference, causality, torque_integral=150.0)
@@ -56,7 +59,7 @@ def reference(linear=False):
 
 @pytest.fixture
 def own(tmp_path):
-    """FILE.py of laws that give less than the reference does (1 N m s/rad of damping on top), or more."""
+    """FILE.py of laws that give less than the reference does (1 N m s/rad of damping more), or more; and pid untuned."""
     path = tmp_path / "own_laws.py"
     path.write_text(OWN)
     return str(path)
@@ -118,12 +121,12 @@ def test_it_works_around_every_row_and_hardly_costs_tracking(name, plant, causal
     [("EPAS", "impedance", 4, "one_hand_light"), ("EPAS", "admittance", 4, "relaxed"),
      ("SbW", "admittance", 8, "hands_off")],
 )  # fmt: skip
-def test_it_quiets_what_a_delay_makes_active(plant, causality, dead_time, driver):
+def test_it_quiets_what_a_delay_makes_active(own, plant, causality, dead_time, driver):
     """Commands some ms later than the law was designed for: bare, the oscillation grows as far as limits let it."""
     hardware = late(plant, dead_time)
     speed = 75.0 if plant == "EPAS" else 45.0
-    bare = driven(plant, causality, made("pid", plant, causality), hardware, driver, speed)
-    wrapped = driven(plant, causality, made("passivity:pid", plant, causality), hardware, driver, speed)
+    bare = driven(plant, causality, made(f"{own}:cold", plant, causality), hardware, driver, speed)
+    wrapped = driven(plant, causality, made(f"passivity:{own}:cold", plant, causality), hardware, driver, speed)
     assert wrapped.stable
     assert shake(bare) > 1.0
     assert shake(wrapped) < (0.45 if bare.stable else 0.15) * shake(bare)
