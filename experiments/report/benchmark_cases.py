@@ -10,6 +10,7 @@ from experiments.bench_protocol import Protocol
 from experiments.bench_ranking import case_score
 from experiments.measures import JND_DB, JND_DEG
 from experiments.metrics import METRICS
+from experiments.report.benchmark_plants import SHOWN_ARM, SHOWN_SPEED_KMH
 from experiments.report.page import Report
 from experiments.report.style import Look
 
@@ -45,7 +46,7 @@ def browser_data(scored: Sequence[Result], looks: Mapping[str, Look], order: Seq
 
     A case's key holds the index of its choice in each of FIELDS, with dots between. Its ``draws`` hold
     ``values`` in the order of the manoeuvre's metrics ([achieved, of the reference] where there is one)
-    or, unstable, ``stopped_s``; ``plot`` is that of draw 0. The first choices are those shown first.
+    or, unstable, ``stopped_s``; ``plot`` is that of draw 0. ``first`` is the key shown first.
     """
     names = [name for name in order if name in looks] or list(looks)
     choices: dict[str, list[Any]] = {
@@ -71,9 +72,21 @@ def browser_data(scored: Sequence[Result], looks: Mapping[str, Look], order: Seq
             + [{"name": name, "unit": METRICS[name].unit, "meaning": METRICS[name].meaning} for name in shown]
             for m, shown in metrics.items()
         },
+        "first": _first(found, choices),
         "jnd": {"dB": JND_DB, "deg": JND_DEG},
         "cases": found,
     }
+
+
+def _first(found: Mapping[str, Any], choices: Mapping[str, Sequence[Any]]) -> str:
+    """The key that is shown first: of the best controller, drawn, if possible at the paper's speed and arm."""
+    drawn = [key for key, case in found.items() if "plot" in case] or list(found)
+
+    def strange(key: str) -> tuple[bool, bool, bool]:
+        controller, _, speed, _, arm = map(int, key.split("."))
+        return controller != 0, choices["speed"][speed] != SHOWN_SPEED_KMH, choices["arm"][arm] != SHOWN_ARM
+
+    return min(drawn, key=strange)
 
 
 def _field(result: Result, field: str) -> Any:

@@ -37,6 +37,7 @@ def causality(report: Report, scored: Sequence[Result], looks: Mapping[str, Look
          "nearer in torque", "nearer in response", "pairs"],
         [row for plant, here in paired.items() for row in _rows(plant, here, looks)],
         f"Medians over pairs; a dash where they differ by less than {100.0 * CLEAR:.0f} %.",
+        dense=True,
     )  # fmt: skip
 
 

@@ -27,19 +27,15 @@ def limit(report: Report, summary: Record, looks: Looks) -> None:
     report.text(" ".join(_sentences(records, looks)))
     report.figure(
         limits(records, looks),
-        "Tracking error in JND: the limit (black) and what was reached, median over arms. What lies on the black line "
-        "cannot be improved by control.",
+        "Tracking error in JND of the linear loop: the limit (black) and what controllers reach, median over arms. The "
+        "limit is what delay, noise, the motor and a hand that nobody can foresee leave to any controller.",
     )
+    systems = _systems(records)
     report.table(
-        ["system", "controller", "median [times the limit]", "nearest", "farthest", "places"],
-        [
-            [system, looks[name].label, f"{median(r):.2f}", f"{min(r):.2f}", f"{max(r):.2f}", len(r)]
-            for system, here in _systems(records).items()
-            for name in looks
-            for r in [_ratios(here, name)]
-            if r
-        ],
-        "Tracking error over the limit's at the same speed and arm; 1 is the limit.",
+        ["controller", *systems],
+        [[look.label, *(_cell(here, name) for here in systems.values())] for name, look in looks.items()],
+        "Tracking error over the limit's at the same speed and arm, 1 is the limit: median (nearest to farthest).",
+        dense=True,
     )
 
 
@@ -71,9 +67,11 @@ def limits(records: Sequence[Record], looks: Looks) -> go.Figure:
     figure.add_hline(y=1.0, line={"color": "#9AA5B1", "width": 1, "dash": "dash"})
     figure.update_yaxes(type="log", tickvals=TICKS_JND, ticktext=[f"{t:g}" for t in TICKS_JND])
     figure.update_yaxes(title_text="tracking error [JND]", col=1)
-    figure.update_xaxes(title_text="speed [km/h]")
+    speeds = sorted({r["speed_kmh"] for r in records})
+    margin = 0.08 * (speeds[-1] - speeds[0]) or 5.0
+    figure.update_xaxes(title_text="speed [km/h]", tickvals=speeds, range=[speeds[0] - margin, speeds[-1] + margin])
     legend = {"orientation": "h", "x": 0, "y": -0.2, "yanchor": "top"}
-    return figure.update_layout(template=TEMPLATE, height=430, legend=legend, margin={"t": 56})
+    return figure.update_layout(template=TEMPLATE, height=450, legend=legend, margin={"t": 76})
 
 
 def step_cost(report: Report, summary: Record, looks: Looks) -> None:
@@ -117,6 +115,15 @@ def _ratios(records: Sequence[Record], name: str) -> list[float]:
         for r in records
         if r["reached"].get(name) is not None and r["limit_jnd"] > 0.0
     ]
+
+
+def _cell(records: Sequence[Record], name: str) -> str | None:
+    """Median (nearest to farthest) of a controller, and where its linear loop is unstable."""
+    asked = [r for r in records if name in r["reached"]]
+    ratios, lost = _ratios(records, name), sum(r["reached"][name] is None for r in asked)
+    words = f"{median(ratios):.2f} ({min(ratios):.2f}–{max(ratios):.2f})" if ratios else ""
+    unstable = f"unstable at {lost} of {len(asked)}" if lost else ""
+    return ", ".join(filter(None, (words, unstable))) or None
 
 
 def _sentences(records: Sequence[Record], looks: Looks) -> list[str]:

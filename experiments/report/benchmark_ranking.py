@@ -27,7 +27,7 @@ def answer(report: Report, summary: Record, looks: Looks) -> None:
     for remark in _unsafe(ranking, found, looks):
         report.text(f"> {remark}")
     report.table(
-        ["rank (95 %)", "controller", "score [JND] (95 %)", "best", "unstable", "safety"],
+        ["rank (95\u00a0%)", "controller", "score\u00a0[JND] (95\u00a0%)", "best", "unstable", "safety"],
         [_row(standing, found[standing["controller"]], looks) for standing in ranking],
         "All systems. Score: interquartile mean over the test cases of the distance to the reference, in just "
         "noticeable differences (JND). In brackets the 95 % intervals; best: chance of being the best; both from a "
@@ -64,7 +64,7 @@ def _key_numbers(ranking: Sequence[Record], looks: Looks) -> list[tuple[str, str
     if best["safe"]:
         low, high = best["score_interval"]
         numbers = [
-            (f"{best['score']:.2f} JND", f"{label}, the first (95 %: {low:.2f} to {high:.2f})"),
+            (f"{best['score']:.2f} JND", f"{label}, the first (95\u00a0%: {low:.2f} to {high:.2f})"),
             (f"{100.0 * best['chance_of_best']:.0f} %", f"chance that {label} is the best"),
         ]
     return [
@@ -87,7 +87,7 @@ def _first(ranking: Sequence[Record], looks: Looks) -> list[str]:
         noticed = "; whether a driver begins to notice (1 JND) lies inside the interval"
     sentences = [
         f"{_bold(best, looks)} comes first: over the middle half of its {best['cases']} cases it is "
-        f"{best['score']:.2f} JND from the reference (95 %: {low:.2f} to {high:.2f}){noticed}."
+        f"{best['score']:.2f} JND from the reference (95\u00a0%: {low:.2f} to {high:.2f}){noticed}."
     ]
     if not rest:
         return [*sentences, "It was the only one scored."]

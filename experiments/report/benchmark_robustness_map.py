@@ -73,7 +73,8 @@ def _panel(
             figure.add_trace(
                 go.Heatmap(
                     z=z, text=_masked(text, z), texttemplate="%{text}", textfont={"size": 11},
-                    customdata=_masked(hover, z), hoverongaps=False, hovertemplate="%{customdata}<extra></extra>", xgap=1, ygap=1, **scale,
+                    customdata=_masked(hover, z), hoverongaps=False,
+                    hovertemplate="%{customdata}<extra></extra>", xgap=1, ygap=1, **scale,
                 ),
                 row=row, col=column,
             )  # fmt: skip

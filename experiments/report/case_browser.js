@@ -3,6 +3,7 @@
 //   choices   per field its values; labels: what to show for them, where that differs
 //   colours   one per controller
 //   metrics   per manoeuvre [{name, unit, meaning}], the order of a draw's values
+//   first     the key of the case that is shown first
 //   jnd       {dB, deg}: half heights of the band of one just noticeable difference
 //   cases     "i.j.k.l.m" (the index of each field's choice) -> {draws: [{values} or {stopped_s}], plot}
 (() => {
@@ -62,7 +63,7 @@
   function tracesOf(data, controller, second) {
     const colour = cases.colours[controller], name = label("controller", controller);
     return curvesOf(data).map(([x, y, row, reference], k) => ({
-      x, y, type: "scatter", mode: "lines", xaxis: "x", yaxis: row === 1 ? "y" : "y2",
+      x, y, type: "scatter", mode: "lines", xaxis: row === 1 ? "x" : "x2", yaxis: row === 1 ? "y" : "y2",
       name: reference ? `reference of ${name}` : name,
       legendgroup: `${name}${reference}`,
       showlegend: row === 1 && (k === 0 || !data.ratio_dB),
@@ -72,19 +73,39 @@
     }));
   }
 
-  function layoutOf(data) {
+  // Two panels, one above the other, over the same x.
+  function panels(split, x, y, y2) {
+    return {
+      xaxis: { ...x, title: {}, anchor: "y", matches: "x2", showticklabels: false },
+      xaxis2: { ...x, anchor: "y2" },
+      yaxis: { ...y, domain: [split + 0.03, 1], anchor: "x" },
+      yaxis2: { ...y2, domain: [0, split - 0.03], anchor: "x2" },
+    };
+  }
+
+  // Wide enough for the band and every curve.
+  function reachOf(half, curves) {
+    const reach = 1.06 * Math.max(1.25 * half, ...curves.flat().map(Math.abs));
+    return [-reach, reach];
+  }
+
+  function layoutOf(shown) {
+    const data = shown[0];
     const base = { template, height: 460, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" }, margin: { t: 40 } };
     const zero = { zeroline: true, zerolinecolor: inks.muted };
     const band = (half, axis) => ({
-      type: "rect", xref: "x domain", x0: 0, x1: 1, yref: axis, y0: -half, y1: half, fillcolor: inks.band, opacity: 0.7,
+      type: "rect", xref: axis === "y" ? "x domain" : "x2 domain", x0: 0, x1: 1, yref: axis, y0: -half, y1: half, fillcolor: inks.band, opacity: 0.7,
       line: { width: 0 }, layer: "below",
     });
     if (data.ratio_dB) {
       return {
         ...base,
-        xaxis: { type: "log", title: { text: "frequency [Hz]" }, tickvals: [0.2, 0.5, 1, 2, 3, 4, 5], anchor: "y2" },
-        yaxis: { title: { text: "magnitude error [dB]" }, domain: [0.53, 1], ...zero },
-        yaxis2: { title: { text: "phase error [deg]" }, domain: [0, 0.47], ...zero },
+        ...panels(
+          0.5,
+          { type: "log", title: { text: "frequency [Hz]" }, tickvals: [0.2, 0.5, 1, 2, 3, 4, 5], range: [-0.75, 0.73] },
+          { title: { text: "magnitude error [dB]" }, range: reachOf(cases.jnd.dB, shown.map((one) => one.ratio_dB)), ...zero },
+          { title: { text: "phase error [deg]" }, range: reachOf(cases.jnd.deg, shown.map((one) => one.ratio_deg)), ...zero },
+        ),
         shapes: [band(cases.jnd.dB, "y"), band(cases.jnd.deg, "y2")],
       };
     }
@@ -92,15 +113,18 @@
       const tracked = data.unit === "deg" ? "pinion angle" : "torsion-bar torque";
       return {
         ...base,
-        xaxis: { title: { text: "time [s]" }, anchor: "y2" },
-        yaxis: { title: { text: `${tracked} [${data.unit}]` }, domain: [0.4, 1], ...zero },
-        yaxis2: { title: { text: `error [${data.unit}]` }, domain: [0, 0.34], ...zero },
+        ...panels(0.37, { title: { text: "time [s]" } }, { title: { text: `${tracked} [${data.unit}]` }, ...zero }, { title: { text: `error [${data.unit}]` }, ...zero }),
       };
     }
     return { ...base, xaxis: { title: { text: "pinion angle [deg]" }, ...zero }, yaxis: { title: { text: "torsion-bar torque [N m]" }, ...zero } };
   }
 
-  const kindOf = (data) => (data.ratio_dB ? "Achieved over reference; grey: one JND." : data.time_s ? "Dashed: the reference in the same run." : "Last cycle; dashed: the reference in the same run.");
+  function kindOf(data) {
+    if (data.ratio_dB) return "Achieved over reference; grey: one JND.";
+    if (!data.time_s) return "Last cycle; dashed: the reference in the same run.";
+    const step_ms = (1e3 * (data.time_s[1] - data.time_s[0])) / Math.max(data.achieved.length - 1, 1);
+    return `Dashed: the reference in the same run. One point in ${step_ms.toFixed(0)} ms: what is faster looks slower here.`;
+  }
 
   function draw(index, other) {
     const shown = [index, ...(other === null ? [] : [[other, ...index.slice(1)]])];
@@ -109,7 +133,7 @@
     const missing = found.filter(([, one]) => one && !one.plot).map(([k]) => label("controller", k));
     const nobody = { template, height: 460, xaxis: { visible: false }, yaxis: { visible: false }, annotations: [{ text: "nothing to draw", showarrow: false }] };
     const traces = drawn.flatMap(([k, one], n) => tracesOf(one.plot, k, n > 0));
-    Plotly.react(plot, traces, drawn.length ? layoutOf(drawn[0][1].plot) : nobody, config);
+    Plotly.react(plot, traces, drawn.length ? layoutOf(drawn.map(([, one]) => one.plot)) : nobody, config);
     const who = found.map(([k]) => label("controller", k)).join(" and ");
     caption.replaceChildren(element("b", `${who}: ${place(index)}.`), drawn.length ? ` First draw. ${kindOf(drawn[0][1].plot)}` : "",
       missing.length ? ` Not drawn, because the first draw has no plot (unstable, or too little coherence): ${missing.join(", ")}.` : "");
@@ -132,7 +156,7 @@
     const head = document.createElement("thead"), body = document.createElement("tbody");
     head.append(names, draws);
     metrics.forEach((metric, k) => {
-      const row = document.createElement("tr"), title = element("th", `${words(metric.name)} [${metric.unit}]`, { scope: "row" });
+      const row = document.createElement("tr"), title = element("th", `${metric.name} [${metric.unit}]`, { scope: "row" });
       title.append(element("small", metric.meaning));
       row.append(title, ...known.flatMap(([, one]) => one.draws.map((draw) => element("td", cell(draw, k), { class: "number" }))));
       body.append(row);
@@ -156,8 +180,7 @@
   for (const field of cases.fields) fill(form.elements[field], cases.choices[field].map((_, k) => [k, label(field, k)]));
   fill(form.elements.other, [["", "nobody"], ...cases.choices.controller.map((_, k) => [k, label("controller", k)])]);
   if (cases.choices.controller.length > 1) form.elements.other.value = 1;
-  const first = Object.entries(cases.cases).find(([key, one]) => key.startsWith("0.") && one.plot);
-  if (first) choose(first[0].split("."));
+  choose(cases.first.split("."));
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("change", (event) => {
     if (event.target.name === "worst" && event.target.value) choose(event.target.value.split("."));
