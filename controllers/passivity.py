@@ -70,7 +70,7 @@ class PassivityParameters(NamedTuple):
     damping_limit: Annotated[float, Quantity("N m s/rad", "most damping", 0.0, 1e3, "assumption: 0.2 J_pin / T_d")]
     mobility_limit: Annotated[float, Quantity("rad/(N m s)", "most yield", 0.0, 1e3, "assumption: 0.3 T_d / J_pin")]
     memory: Annotated[float, Quantity("s", "how long energy counts", 0.01, 1e3, "assumption")] = 0.5
-    allowance: Annotated[float, Quantity("J", "energy that is let go", 0.0, 10.0, "assumption")] = 0.005
+    allowance: Annotated[float, Quantity("J", "energy that is let go", 0.0, 10.0, "assumption")] = 0.01
     allowed_damping: Annotated[
         float, Quantity("N m s/rad", "damping that may lack", 0.0, 10.0, "assumption: one light hand's")
     ] = 0.3

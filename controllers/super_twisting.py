@@ -17,10 +17,10 @@ sticks.
 
 ``fastest`` poles are shares of 1 / T_d (hardware.total_delay), found by eigenvalues over arms, speeds
 and operating points (experiments.robustness); where the assist is steep the law yields to rendering
-torque as the other angle laws do (controllers.tracking). The boundary layer that this leaves is wide: for torques below
-about 5 L / fastest, which is more than steering takes, the law works as a PI controller on s, and does not
-chatter; beyond, its gain falls as a sliding mode's does. Both integrals wait while a limit of the motor
-cuts the command.
+torque as the other angle laws do (controllers.tracking). The boundary layer that this leaves
+is wide: for torques below 5 L / fastest (3.5 N m in the steer-by-wire angle loop, 16 N m and more in the
+others) the law works as a PI controller on s and does not chatter; beyond, its gain falls as a sliding
+mode's does. Both integrals wait while a limit of the motor cuts the command.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ def reference(linear=False):
 
 @pytest.fixture
 def own(tmp_path):
-    """FILE.py of laws that give less than the reference does (1 N m s/rad of damping more), or more; and pid untuned."""
+    """FILE.py of laws that give less than the reference does (1 N m s/rad more of damping), or more; pid untuned."""
     path = tmp_path / "own_laws.py"
     path.write_text(OWN)
     return str(path)
