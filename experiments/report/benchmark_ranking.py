@@ -118,14 +118,13 @@ def _where_it_leads(ranking: Sequence[Record], summary: Record, looks: Looks) ->
         return []
     leaders: dict[str, list[str]] = {}
     for system in systems:
-        first = system["ranking"][0]
+        first, *rest = system["ranking"]
         name = first["controller"] if first["safe"] else ""
-        leaders.setdefault(name, []).append(f"{system['plant']} {system['causality']}")
-    best = ranking[0]["controller"]
-    if list(leaders) == [best]:
-        return [f"It is first in each of the {len(systems)} systems."]
+        sure = not any(s["safe"] and s["rank_interval"][0] == 1 for s in rest)
+        where = f"{system['plant']} {system['causality']}"
+        leaders.setdefault(name, []).append(where if sure or not name else f"{where} (not certain)")
     parts = [
-        f"{_name(name, looks)} in {' and '.join(where)}" if name else f"nobody safe in {' and '.join(where)}"
+        f"{_name(name, looks)} in {', '.join(where)}" if name else f"nobody safe in {', '.join(where)}"
         for name, where in leaders.items()
     ]
     return [f"By system, first are: {'; '.join(parts)}."]
