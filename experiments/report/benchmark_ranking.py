@@ -42,11 +42,12 @@ def answer(report: Report, summary: Record, looks: Looks) -> None:
     )
 
 
-def where_from(report: Report, ranking: Sequence[Record], scored: Sequence[Result], looks: Looks) -> None:
-    """Scores by system, manoeuvre, arm and speed."""
+def where_from(report: Report, scored: Sequence[Result], looks: Looks) -> None:
+    """Scores by system, manoeuvre, arm and speed; ``looks`` are in the order of the ranking."""
     if not scored:
         return
-    names = [standing["controller"] for standing in ranking]
+    driven = {result["case"]["controller"] for result in scored}
+    names = [name for name in looks if name in driven]
     report.section("Where the score comes from")
     report.text(" ".join(_why(names, scored, looks)))
     report.figure(
