@@ -257,7 +257,9 @@ def test_the_page_draws_with_a_clean_console(tmp_path, assert_report_draws):
     assert_report_draws(report.write(tmp_path / "report.html"))
 
 
-@pytest.mark.parametrize(("wanted", "complaint"), [("SbW admittance, 30 km/h, release", ""), ("another case", "caption")])
+@pytest.mark.parametrize(
+    ("wanted", "complaint"), [("SbW admittance, 30 km/h, release", ""), ("another case", "caption")]
+)
 def test_a_selection_draws(tmp_path, assert_report_draws, wanted, complaint):
     """A choice in the browser redraws signal, reference and error of two controllers; the check itself can fail."""
     html = Report("Cases").case_browser(browser_data(scored({GOOD: 0.5, BAD: 0.6}), looks_of([GOOD, BAD]))).html()
