@@ -11,25 +11,27 @@ parameters) -> (motor torque in N m at the motor's shaft, new state)`` marked ``
 Python on a bench, compiled in a rollout, the same bits in both. State is a NamedTuple of floats, so
 are the parameters except for arrays such as the reference over speed. ``law.LawController`` makes a
 ``Controller`` of the three. Limits sit after a controller, in the motor and in the rig's safety
-layer, never inside.
+layer, never inside; a law may know them to plan with (mpc does), and is limited all the same.
 
 Tests run over the table: protocol, determinism, reset forgets, finite, odd, Python = compiled, and
 a stable closed loop with every driver on every plant. Gains come from controllers/tuned where
 ``steer-env tune`` has made a file, else from the law's own design formulas.
 
 A controller need not be in the table: ``make("my_file.py:MyLaw", ...)`` takes ``MyLaw`` out of a
-file and calls it as ``make`` above.
+file and calls it as ``make`` above. ``make("passivity:NAME", ...)`` puts a passivity observer and
+controller around any of them; plain "passivity" is that around pid.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from typing import Any
 
 from controllers import tuning
 from controllers.law import Gain
-from controllers.own import is_own, load_own
+from controllers.own import inner_of, is_own, load_own
 from steer_env.errors import InputError
 from steer_env.interface import Controller
 from steer_env.plants import Plant, Reference
@@ -40,6 +42,9 @@ CONTROLLERS: dict[str, str] = {
     "lead": "controllers.lead",
     "disturbance_observer": "controllers.disturbance_observer",
     "lqg": "controllers.lqg",
+    "mpc": "controllers.mpc",
+    "super_twisting": "controllers.super_twisting",
+    "passivity": "controllers.passivity",
 }
 
 CAUSALITIES = ("impedance", "admittance")
@@ -62,7 +67,11 @@ def make(
 
 
 def maker(name: str) -> Callable[..., Any]:
-    """The function that makes a controller: of a row of CONTROLLERS, or of FILE.py:NAME."""
+    """The function that makes a controller: of a row of CONTROLLERS, of WRAPPER:NAME, or of FILE.py:NAME."""
+    inner = inner_of(name)
+    if inner:
+        maker(inner)
+        return partial(maker(name.partition(":")[0]), inner=inner)
     if is_own(name):
         return load_own(name)
     if name not in CONTROLLERS:

@@ -15,13 +15,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from controllers.blocks import Notch, NotchState, aged_command, low_pass, notch_step
+from controllers.blocks import Notch, NotchState, notch_step
 from controllers.hardware import bar_notch, hardware_of, total_delay
-from controllers.kalman import Estimate, carried_on, corrected
+from controllers.kalman import Estimate
 from controllers.law import Gain, LawController, with_gains
 from controllers.lqg_design import Design, design
 from controllers.schedule import felt_at
 from controllers.tracking import MotionState, Target, angle_target, motion_step, torque_target
+from controllers.twist import deviation, estimated
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
 from steer_env.plants import Plant, Reference
@@ -31,6 +32,7 @@ _N = "the plant's nominal value"
 CUT = 1e-3  # N m at the motor: a command cut by more than this met a limit, not a rounding
 # What tuning may change, as factors on the design's own values.
 TUNABLE: dict[str, tuple[float, float]] = {
+    "prediction": (0.3, 3.0),
     "effort": (0.2, 5.0),
     "corner": (0.1, 10.0),
     "hand": (0.1, 10.0),
@@ -60,6 +62,7 @@ class LqgParameters(NamedTuple):
     M_fric: Annotated[float, Quantity("N m", "lower-body friction", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
     slope_limit: Annotated[float, Quantity("-", "assist slope beyond which the angle yields", 1.0, 50.0, "assumption")]
+    prediction: Annotated[float, Quantity("s", "foretelling of the motion, impedance", 0.0, 0.1, "assumption: T_d")]
     command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
     motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]
@@ -109,26 +112,14 @@ def lqg_loop(
     p: LqgParameters,
 ) -> tuple[float, LqgState]:
     """Motor torque for a target; ``known`` is the load in N m at the time of the sensors."""
-    ahead = int(p.periods_ahead)
-    seen = carried_on(x.estimate, aged_command(o, ahead + 1), known, p)
-    # The control unit reports its own estimate of the angle; it is that of the sensor within its noise.
-    seen = corrected(seen, o.torsion_bar_torque, o.pinion_angle, p)
-    then = seen
-    for k in range(ahead):
-        then = carried_on(then, aged_command(o, ahead - k), known, p)
-
+    seen, then = estimated(o, x.estimate, known, p)
     limited = abs(o.last_torque_1 - x.commanded) > CUT
     integral = x.integral if limited else x.integral + p.period * (target.wanted - o.torsion_bar_torque)
-    slow = low_pass(x.slow, signal, p.target_bandwidth, p.period)
-    wanted = target.wanted - lagged * (signal - slow)
-    wanted_rate = p.rate_share * p.target_bandwidth * (signal - slow)
-    forward = (target.model + target.known + seen.load - wanted) / p.motor_ratio
-    twist = then.steering_angle - then.pinion_angle - wanted / p.c_tb
-    twist_rate = then.steering_rate - then.pinion_rate - wanted_rate / p.c_tb
-    feedback = p.K_twist * twist + p.K_rate * twist_rate
-    feedback = feedback + p.K_motor * (then.motor_torque - forward) - p.K_integral * integral
-    command, notch = notch_step(forward - feedback, x.notch, p.notch)
-    return command, LqgState(seen, slow, integral, command, target.known, x.known_1, x.known_2, motion, notch)
+    d = deviation(target, signal, lagged, x.slow, seen, then, p)
+    feedback = p.K_twist * d.twist + p.K_rate * d.twist_rate
+    feedback = feedback + p.K_motor * d.motor_torque - p.K_integral * integral
+    command, notch = notch_step(d.forward - feedback, x.notch, p.notch)
+    return command, LqgState(seen, d.slow, integral, command, target.known, x.known_1, x.known_2, motion, notch)
 
 
 @scalar

@@ -12,16 +12,24 @@ from typing import Any
 from steer_env.errors import InputError
 
 SEPARATOR = ".py:"
+WRAPPERS = ("passivity",)  # rows that take another controller after a colon
+
+
+def inner_of(name: str) -> str:
+    """What stands inside of WRAPPER:NAME; nothing for any other name."""
+    outer, _, inner = name.partition(":")
+    return inner if outer in WRAPPERS else ""
 
 
 def is_own(name: str) -> bool:
-    """Whether a controller's name is FILE.py:NAME."""
+    """Whether a controller's name is FILE.py:NAME, or holds one in a wrapper."""
     return SEPARATOR in name
 
 
 def file_of(name: str) -> Path:
-    """The file of FILE.py:NAME, absolute."""
-    return Path(name.rpartition(":")[0]).expanduser().resolve()
+    """The file of FILE.py:NAME, absolute; a wrapper before it does not matter."""
+    inner = inner_of(name)
+    return file_of(inner) if inner else Path(name.rpartition(":")[0]).expanduser().resolve()
 
 
 def load_own(name: str) -> Callable[..., Any]:

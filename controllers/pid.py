@@ -30,6 +30,7 @@ from steer_env.plants import Plant, Reference
 
 # What tuning may change, as factors on the design's own values.
 TUNABLE: dict[str, tuple[float, float]] = {
+    "prediction": (0.3, 3.0),
     "torque_gain": (0.3, 2.5),
     "torque_integral": (0.1, 10.0),
     "acceleration_bandwidth": (0.3, 2.0),
@@ -140,7 +141,10 @@ def torque_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pi
     # gets the filtered one.
     lack = least_damping(felt, p)
     damping = (1.0 - p.bar_damping) * lack * o.pinion_rate
-    wanted = torque_of(o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2) + damping, felt)
+    # What is measured is late and what is commanded acts late: stiffness and damping are taken where
+    # the pinion will be. The acceleration cannot be foretold.
+    ahead = p.prediction * (felt.stiffness * o.pinion_rate + felt.b_ref * a_2)
+    wanted = torque_of(o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2) + damping + ahead, felt)
 
     gain = matched_gain(felt, p)
     error = wanted - o.torsion_bar_torque

@@ -38,6 +38,7 @@ class PidParameters(NamedTuple):
     b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
     M_fric: Annotated[float, Quantity("N m", "lower-body friction that is compensated", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
+    prediction: Annotated[float, Quantity("s", "foretelling of the motion, impedance", 0.0, 0.1, "assumption: T_d")]
     command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
     motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]

@@ -1,7 +1,7 @@
 """What lead and disturbance observer share: targets as torsion-bar torques, and what the model takes.
 
 ``p`` is the record of the law that calls; it has the fields named here: period, J_pin, b_pin,
-M_fric, c_fric, motor_ratio, command_age, motor_decay, rack_share, acceleration_bandwidth, gain,
+M_fric, c_fric, motor_ratio, prediction, command_age, motor_decay, rack_share, acceleration_bandwidth, gain,
 natural, damping_ratio, inertia_share, slope_limit.
 """
 
@@ -72,7 +72,10 @@ def torque_target(o: Observation, felt: Felt, motion: MotionState, p: Any) -> Ta
     a_2 = motion.acceleration_2
     load = load_of(o, o.pinion_acceleration, o.pinion_rate, motion.felt_friction, felt)
     # The wide-band acceleration would close a loop around the motor's own torque.
-    wanted = torque_of(o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2), felt)
+    # What is measured is late and what is commanded acts late: stiffness and damping are taken where
+    # the pinion will be. The acceleration cannot be foretold.
+    ahead = p.prediction * (felt.stiffness * o.pinion_rate + felt.b_ref * a_2)
+    wanted = torque_of(o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2) + ahead, felt)
     # Off centre the felt inertia is small; cancelling more of the hardware's would leave a body
     # without inertia behind a delay.
     felt_inertia = (1.0 + gain_at(felt, p)) * felt.J_ref / assist_slope(wanted, felt)
@@ -95,6 +98,14 @@ def angle_target(o: Observation, felt: Felt, motion: MotionState, p: Any) -> Tar
     inertia and assist.
     """
     error, error_rate = o.reference - o.pinion_angle, o.reference_rate - o.pinion_rate
+    pull = p.natural * p.natural * error + 2.0 * p.damping_ratio * p.natural * error_rate
+    return pulled_target(pull, o, felt, motion, p)
+
+
+@scalar
+def pulled_target(pull: float, o: Observation, felt: Felt, motion: MotionState, p: Any) -> Target:
+    """As ``angle_target``, for an acceleration ``pull`` in rad/s2 that brings the angle back; 0: feed-forward alone."""
+    error_rate = o.reference_rate - o.pinion_rate
     # Where the assist is steep the reference runs away from any motor behind a delay: its
     # acceleration is then no longer fed forward, but asked for as torque, and the load is the one
     # that the motion shows, not the one at the reference's angle.
@@ -102,7 +113,6 @@ def angle_target(o: Observation, felt: Felt, motion: MotionState, p: Any) -> Tar
     load = load_of(o, o.reference_acceleration, o.reference_rate, motion.felt_friction, felt)
     yielded = p.rack_share * steep
     shown = yielded * (motion.load - load)
-    pull = p.natural * p.natural * error + 2.0 * p.damping_ratio * p.natural * error_rate
     lag = steep * (o.reference_acceleration - motion.acceleration_2)
     gap = felt.J_ref * ((1.0 - yielded) * pull + lag) + felt.b_ref * steep * error_rate
     wanted = torque_of(o.effective_torque - gap + shown + yielded * (motion.own_friction - motion.felt_friction), felt)

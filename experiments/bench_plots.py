@@ -8,6 +8,7 @@ import numpy as np
 
 from experiments.measures import Array
 from experiments.metrics import Trial
+from experiments.metrics_trial import Compared
 from steer_env.units import to_deg
 
 RESPONSE_POINTS = 40
@@ -19,19 +20,20 @@ SINES = ("steady_state", "on_centre_weave")
 def compact_plot(trial: Trial) -> dict[str, Any]:
     """Response (chirp), loop of the last cycle (sines) or traces over time of an episode, beside the ideal."""
     if trial.manoeuvre == "frequency_response":
-        return _response(trial)
+        return _response(trial.slow_response)
+    if trial.manoeuvre == "high_frequency_response":
+        return _response(trial.fast_response)
     return _loop(trial) if trial.manoeuvre in SINES else _trace(trial)
 
 
-def _response(trial: Trial) -> dict[str, Any]:
-    H, ideal = trial.response, trial.reference_response
-    if not H.frequency.size:
+def _response(found: Compared) -> dict[str, Any]:
+    f = found.frequency
+    if not f.size:
         return {}
-    wanted = np.geomspace(H.frequency[0], H.frequency[-1], RESPONSE_POINTS)
-    at = np.unique(np.searchsorted(H.frequency, wanted).clip(max=H.frequency.size - 1))
-    ratio = H.value[at] / ideal[at]
+    at = np.unique(np.searchsorted(f, np.geomspace(f[0], f[-1], RESPONSE_POINTS)).clip(max=f.size - 1))
+    ratio = found.achieved[at] / found.wanted[at]
     return {
-        "frequency_Hz": rounded(H.frequency[at]),
+        "frequency_Hz": rounded(f[at]),
         "ratio_dB": rounded(20.0 * np.log10(np.abs(ratio))),
         "ratio_deg": rounded(np.degrees(np.angle(ratio))),
     }

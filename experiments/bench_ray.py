@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -27,8 +28,9 @@ def driven_on_cluster(
 
     if not ray.is_initialized():
         try:
+            _answers(address)
             ray.init(address=address, log_to_driver=False, configure_logging=False)
-        except (ConnectionError, RuntimeError, ValueError) as wrong:
+        except (OSError, RuntimeError, ValueError) as wrong:
             problem = f"no Ray cluster answers at {address!r} ({wrong})"
             raise InputError("--ray", problem, "start one: ray start --head") from wrong
     for make in makers.values():
@@ -43,6 +45,13 @@ def driven_on_cluster(
         for done in ray.wait(list(waiting), num_returns=1)[0]:
             results = ray.get(done)
             yield waiting.pop(done), results
+
+
+def _answers(address: str) -> None:
+    """Raise OSError where nothing listens at HOST:PORT: Ray itself would go on trying for minutes."""
+    host, _, port = address.rpartition(":")
+    if host and port.isdigit() and "://" not in address:
+        socket.create_connection((host, int(port)), timeout=5.0).close()
 
 
 def _ray() -> Any:

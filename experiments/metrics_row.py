@@ -9,6 +9,7 @@ from experiments.metrics_trial import Trial
 
 ANY: tuple[str, ...] = ()
 CHIRP = ("frequency_response",)
+FAST_CHIRP = ("high_frequency_response",)
 SWEEPS = ("frequency_response", "random_torque")
 SINES = ("steady_state", "on_centre_weave")
 RAMP = ("constant_speed_cornering",)

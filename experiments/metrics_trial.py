@@ -113,7 +113,7 @@ class Trial:
 
     @cached_property
     def fast_response(self) -> Compared:
-        """Inside FAST_BAND_HZ, as far as the manoeuvre excites it: nothing for a chirp that ends at 5 Hz."""
+        """Inside FAST_BAND_HZ, as far as the manoeuvre excites it: nothing for one that ends at 5 Hz."""
         if self.excited[1] <= FAST_BAND_HZ[0]:
             return NOTHING
         achieved = response(self.episode["steering_torque"], *self.achieved, FAST_LINES_HZ)

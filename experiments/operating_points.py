@@ -188,7 +188,7 @@ def _settle(setup: Setup, state: Array, lines: Array, M_tb: float, rate: float) 
     sensors = setup.plant.sensors
     seen = angle - rate * PERIOD * sensors.angle_delay
     observer = PARAMETERS.read(setup.row, "observer")
-    unknown = M_tb + observer.motor_ratio * motor - observer.b * rate
+    unknown = observer.known_inputs * (M_tb + observer.motor_ratio * motor - observer.b * rate)
     state[STATE["observer"]] = ObserverState(seen, rate, unknown)
     admittance = PARAMETERS.read(setup.row, "episode").admittance > 0.5
     state[STATE["generator"]] = [angle if admittance else seen, rate, *(felt_car * angle), friction, M_eff]

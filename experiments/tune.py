@@ -127,8 +127,8 @@ def tune_loop(
     )
 
     def one(trial: Any) -> float:
-        factors = {gain: trial.suggest_float(gain, low, high, log=True) for gain, (low, high) in ranges.items()}
-        value = objective(name, plant, causality, factors, reference, seed)
+        drawn = {gain: trial.suggest_float(gain, low, high, log=True) for gain, (low, high) in ranges.items()}
+        value = objective(name, plant, causality, rounded(drawn), reference, seed)
         advance(note=f"{plant} {causality}: {value:.2f} JND")
         return value
 
@@ -138,12 +138,28 @@ def tune_loop(
         study.enqueue_trial(dict.fromkeys(ranges, 1.0))
     study.optimize(one, n_trials=max(trials - done, 0))
     first = study.trials[0].value
+    best = rounded(study.best_params)
     return {
-        "factors": {gain: float(f"{value:.4g}") for gain, value in study.best_params.items()},
+        "factors": without_idle(best, lambda factors: objective(name, plant, causality, factors, reference, seed)),
         "objective_before": first,
         "objective_after": study.best_value,
         "trials": len(study.trials),
     }
+
+
+def rounded(factors: Factors) -> Factors:
+    """Factors as the file holds them; what is tried is what is stored, to the last bit."""
+    return {gain: float(f"{share:.4g}") for gain, share in factors.items()}
+
+
+def without_idle(factors: Factors, cost: Callable[[Factors], float]) -> Factors:
+    """The factors less those that change nothing, such as gains of the other causality's law."""
+    reached, kept = cost(factors), dict(factors)
+    for gain in factors:
+        fewer = {name: share for name, share in kept.items() if name != gain}
+        if cost(fewer) == reached:
+            kept = fewer
+    return kept
 
 
 def tune(

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from steer_env.manoeuvres import (
     constant_speed_cornering,
     frequency_response,
+    high_frequency_response,
     on_centre_weave,
     random_torque,
     release,
@@ -48,6 +49,7 @@ MANOEUVRES: dict[str, Manoeuvre] = {
     "random_torque": Manoeuvre(random_torque.signal, random_torque.DEFAULT, 0.0),
     "constant_speed_cornering": Manoeuvre(constant_speed_cornering.signal, constant_speed_cornering.DEFAULT, None),
     "standstill": Manoeuvre(standstill.signal, standstill.DEFAULT, 0.0),
+    "high_frequency_response": Manoeuvre(high_frequency_response.signal, high_frequency_response.DEFAULT, 0.0),
 }
 
 

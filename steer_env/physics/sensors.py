@@ -29,6 +29,9 @@ class Observer(NamedTuple):
     b: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, "the plant's nominal value")] = 0.4
     motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, "the plant's nominal value")] = 21.0
     bandwidth_Hz: Annotated[float, Quantity("Hz", "observer bandwidth", 1.0, 300.0, "assumption")] = 40.0
+    known_inputs: Annotated[
+        float, Quantity("-", "1: driven by measured and motor torque, 0: by the angle alone", 0, 1, "assumption: 1")
+    ] = 1.0
 
 
 class ObserverState(NamedTuple):
@@ -59,10 +62,14 @@ def observer_step(
     Gains of the critically damped third-order tracking filter (triple pole z = exp(-2 pi f dt)). At
     40 Hz, 1 kHz and the default body, white noise of 1 rad rms in the angle gives 12500 rad/s2 rms,
     of 1 N m in the torque 15.6 rad/s2.
+
+    Without known inputs the same filter tracks the angle alone, and the acceleration is the filtered
+    second difference (1 - z)^3 / dt^2 q (q - 1)^2 / (q - z)^3 of it, late by 3 / (2 pi f) at low
+    frequency. White noise of 1 rad rms then gives sqrt(6) ((1 - z) / (1 + z))^2.5 / dt^2.
     """
     z = math.exp(-2.0 * math.pi * p.bandwidth_Hz * dt)
     known = M_tb + p.motor_ratio * motor_torque
-    a = (known - p.b * x.rate - x.load) / p.J
+    a = (p.known_inputs * (known - p.b * x.rate) - x.load) / p.J
     predicted = x.angle + dt * x.rate + 0.5 * dt * dt * a
     error = angle - predicted
     new = ObserverState(
@@ -70,4 +77,4 @@ def observer_step(
         x.rate + dt * a + 1.5 * (1.0 - z) * (1.0 - z) * (1.0 + z) / dt * error,
         x.load - p.J * (1.0 - z) * (1.0 - z) * (1.0 - z) / (dt * dt) * error,
     )
-    return (known - p.b * new.rate - new.load) / p.J, new
+    return (p.known_inputs * (known - p.b * new.rate) - new.load) / p.J, new

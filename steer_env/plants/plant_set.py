@@ -21,7 +21,8 @@ class Plant:
 
     ``spread`` maps "part.field" to the (low, high) factors on the nominal value that randomisation
     draws uniformly. ``nominal`` is the plant that the control unit and its controller believe in;
-    None: this one.
+    None: this one. ``observer_known_inputs`` is 1 where the control unit's observer of the motion is
+    driven by the measured and the motor's torque, 0 where it filters the angle alone (physics/sensors.py).
     """
 
     name: str
@@ -32,6 +33,7 @@ class Plant:
     observer_bandwidth_Hz: float
     spread: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     nominal: Plant | None = None
+    observer_known_inputs: float = 1.0
 
     def believed(self) -> Plant:
         """What a controller may be designed for: the nominal plant."""
@@ -40,7 +42,7 @@ class Plant:
     def observer(self) -> Observer:
         """What the control unit believes: the nominal lower body."""
         s = self.believed().steering
-        return Observer(s.J_pin, s.b_pin, s.motor_ratio, self.observer_bandwidth_Hz)
+        return Observer(s.J_pin, s.b_pin, s.motor_ratio, self.observer_bandwidth_Hz, self.observer_known_inputs)
 
     def drawn(self, rng: np.random.Generator) -> Plant:
         """One plant out of the spread, with a dead time out of DEAD_TIMES; it believes to be this one."""

@@ -50,9 +50,11 @@ def silent():
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("causality", controllers.CAUSALITIES)
 @pytest.mark.parametrize("arm", ["torque_source", "tense"])
-def test_the_program_stays_at_a_stuck_point(plant, causality, arm):
+@pytest.mark.parametrize("known_inputs", [1.0, 0.0])
+def test_the_program_stays_at_a_stuck_point(plant, causality, arm, known_inputs):
     """Catches an equilibrium that is none: a generator, an observer or a hand that does not fit the rest."""
-    place = place_of(PLANTS[plant], causality, REFERENCE, 60.0, "peak_stuck")
+    measured = replace(PLANTS[plant], observer_known_inputs=known_inputs)
+    place = place_of(measured, causality, REFERENCE, 60.0, "peak_stuck")
     states, lines = place.state[None].copy(), place.lines[None].copy()
     command = np.array([place.observation.last_torque_1])
     rows = with_arms(place, [DRIVERS[arm]])

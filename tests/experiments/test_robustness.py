@@ -2,75 +2,22 @@
 
 import json
 from itertools import product
-from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import controllers
-from controllers.law import LawController
 from experiments.assessment import Assessment, assess
 from experiments.loop_simulation import confirm, worst_stuck
 from experiments.robustness import command, safe
 from steer_env.errors import InputError
-from steer_env.physics._jit import named, scalar
 from steer_env.plants import DRIVERS, PLANTS, Reference
 from steer_env.units import quantities
+from tests.experiments.wrong_controllers import spoilt
 
 REFERENCE = Reference.load("published")
 SYSTEMS = list(product(PLANTS, controllers.CAUSALITIES))
-DELAY = 10  # periods
-
-
-class Wrong(NamedTuple):
-    """What is done to a right law: a factor on its command, and whether it is late."""
-
-    right: Any
-    factor: float
-    late: float
-
-
-class Late(NamedTuple):
-    """The law's state and its last commands, newest first."""
-
-    right: Any
-    c1: float = 0.0
-    c2: float = 0.0
-    c3: float = 0.0
-    c4: float = 0.0
-    c5: float = 0.0
-    c6: float = 0.0
-    c7: float = 0.0
-    c8: float = 0.0
-    c9: float = 0.0
-    c10: float = 0.0
-
-
-_laws: dict[Any, Any] = {}
-
-
-def spoilt(factor: float = 1.0, late: bool = False):
-    """A maker of pid with its command times a factor, or ten periods late."""
-
-    def make(plant, reference, causality):
-        pid = controllers.make("pid", plant, reference, causality)
-        right = pid.law
-
-        def law(o, x, p):
-            torque, inner = right(o, x.right, p.right)
-            sent = p.factor * (x.c10 if p.late > 0.5 else torque)
-            return sent, Late(inner, torque, x.c1, x.c2, x.c3, x.c4, x.c5, x.c6, x.c7, x.c8, x.c9)
-
-        spoiler = _laws.setdefault(right, scalar(named(law, right)))
-
-        def design(period):
-            pid.reset(period)
-            return Wrong(pid.parameters, factor, 1.0 if late else 0.0)
-
-        return LawController(spoiler, design, Late(pid.state()))
-
-    return make
 
 
 @pytest.mark.parametrize(("plant", "causality"), SYSTEMS)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_lyapunov
+from scipy.signal import lfilter
 
 from steer_env.physics.driver import Driver, driver_torque
 from steer_env.physics.linear import jacobian
@@ -120,6 +121,21 @@ def test_observer_noise_gain_is_what_its_docstring_says():
     said = observer_step.__doc__.split()
     assert f"{round(gain_angle, -2):.0f}" in said
     assert f"{gain_torque:.1f}" in said
+
+
+def test_without_known_inputs_it_filters_the_second_difference_of_the_angle():
+    """(1 - z)^3 / dt^2 q (q - 1)^2 / (q - z)^3, whatever torques, inertia and damping: catches an input that stays."""
+    z = math.exp(-2.0 * math.pi * 40.0 * DT)
+    angles = np.cumsum(np.random.default_rng(3).standard_normal(300)) * 1e-3
+    angles[0] = 0.0  # it starts at rest
+    scale = (1.0 - z) ** 3 / (DT * DT)
+    expected = lfilter(scale * np.array([1.0, -2.0, 1.0]), np.poly([z, z, z]), angles)
+    for J, b, torque in ((0.065, 0.4, 0.0), (0.006, 3.0, 5.0)):
+        p, x, seen = Observer(J, b, known_inputs=0.0), ObserverState(0.0, 0.0, 0.0), []
+        for angle in angles.tolist():
+            estimate, x = observer_step(x, angle, torque, -torque, p, DT)
+            seen.append(estimate)
+        np.testing.assert_allclose(seen, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
 @repeatable

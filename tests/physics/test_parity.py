@@ -76,7 +76,7 @@ def _steering(z):
 @scalar
 def _devices(z):
     m = motor.Motor(5.0, 1000.0, 200.0, 1.0)
-    observer = sensors.Observer(0.065, 0.4, 21.0, 60.0 + 50.0 * z[0])
+    observer = sensors.Observer(0.065, 0.4, 21.0, 60.0 + 50.0 * z[0], 1.0 if z[7] > 0.0 else 0.0)
     seen = sensors.ObserverState(z[1], 10.0 * z[2], 10.0 * z[3])
     acceleration, new = sensors.observer_step(seen, z[4], 5.0 * z[5], z[6], observer, 1e-3)
     arm = Driver(0.1, 1.0 + z[7], 20.0 + 20.0 * z[8], 10.0)
