@@ -47,15 +47,16 @@ def make_report(summary: Mapping[str, Any], exhibits: Sequence[Result], scored: 
     if ranking:
         answer(report, summary, looks)
     else:
-        report.text("No test case was driven, so there is no ranking: only exhibits on the nominal plant.")
+        missing = "No test case was driven, so there is no ranking: only exhibits on the nominal plant."
+        report.text("There is no ranking." if scored else missing)
         nominal_numbers(report, summary, looks)
-    where_from(report, ranking, scored, looks)
+    where_from(report, scored, looks)
     robustness(report, summary, looks)
     for plant in dict.fromkeys(r["case"]["plant"] for r in results):
         plant_section(report, plant, summary, exhibits, scored, looks)
     causality(report, scored, looks)
     limit(report, summary, looks)
     step_cost(report, summary, looks)
-    cases(report, ranking, scored, looks)
+    cases(report, scored, looks)
     method(report, summary)
     return report

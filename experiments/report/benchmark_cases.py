@@ -27,9 +27,7 @@ PLOT_STEPS = 400  # of a curve's range at least: what a screen shows
 DIGITS = 3  # of a score
 
 
-def cases(
-    report: Report, ranking: Sequence[Mapping[str, Any]], scored: Sequence[Result], looks: Mapping[str, Look]
-) -> None:
+def cases(report: Report, scored: Sequence[Result], looks: Mapping[str, Look]) -> None:
     """The section with the browser; nothing where nothing was scored."""
     if not scored:
         return
@@ -38,17 +36,18 @@ def cases(
         "Choose a case; the same case of a second controller lies over it. Plots are those of the first draw, the "
         "table has all draws, a metric of the reference in brackets."
     )
-    report.case_browser(browser_data(scored, looks, [standing["controller"] for standing in ranking]))
+    report.case_browser(browser_data(scored, looks))
 
 
-def browser_data(scored: Sequence[Result], looks: Mapping[str, Look], order: Sequence[str] = ()) -> dict[str, Any]:
-    """What the browser reads: choices of each field, metrics per manoeuvre, and the cases.
+def browser_data(scored: Sequence[Result], looks: Mapping[str, Look]) -> dict[str, Any]:
+    """What the browser reads: choices of each field (controllers as in ``looks``), metrics per manoeuvre, the cases.
 
     A case's key holds the index of its choice in each of FIELDS, with dots between. Its ``draws`` hold
     ``values`` in the order of the manoeuvre's metrics ([achieved, of the reference] where there is one)
     or, unstable, ``stopped_s``; ``plot`` is that of draw 0. ``first`` is the key shown first.
     """
-    names = [name for name in order if name in looks] or list(looks)
+    driven = {result["case"]["controller"] for result in scored}
+    names = [name for name in looks if name in driven]
     choices: dict[str, list[Any]] = {
         "controller": names, **{field: list(dict.fromkeys(_field(r, field) for r in scored)) for field in FIELDS[1:]}
     }  # fmt: skip

@@ -35,7 +35,6 @@ def limit(report: Report, summary: Record, looks: Looks) -> None:
         ["controller", *systems],
         [[look.label, *(_cell(here, name) for here in systems.values())] for name, look in looks.items()],
         "Tracking error over the limit's at the same speed and arm, 1 is the limit: median (nearest to farthest).",
-        dense=True,
     )
 
 

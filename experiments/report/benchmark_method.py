@@ -7,7 +7,7 @@ from typing import Any
 
 from experiments.bench_protocol import Protocol
 from experiments.measures import JND, JND_DB, JND_DEG
-from experiments.metrics import METRICS
+from experiments.metrics import METRICS, Metric
 from experiments.report.page import Report
 
 GROUPS = {
@@ -16,7 +16,7 @@ GROUPS = {
     "hand": "Ripple and jerk", "jerk": "Ripple and jerk", "effort": "Effort", "motor": "Effort",
     "saturation": "Effort", "slew": "Effort",
 }  # fmt: skip
-REST = "Feel of slow steering and of letting go"
+REST = "Slow steering, letting go"
 BETTER = {"lower": "lower", "higher": "higher", "reference": "as the reference"}
 
 
@@ -32,9 +32,10 @@ def method(report: Report, summary: Mapping[str, Any]) -> None:
         "complete reference and its linear form differ on centre by a factor of 1 + k_gain and are never mixed."
     )
     report.text(
-        f"**Cases.** {', '.join(m.replace('_', ' ') for m in protocol.manoeuvres)}, at "
-        f"{', '.join(f'{v:g}' for v in protocol.speeds_kmh)} km/h, with {_listed(protocol.arms)} arm, "
-        f"{protocol.draws} draws each of plant, car and the manoeuvre's size (a quick run takes a part of them). The "
+        f"**Cases.** {len(protocol.manoeuvres)} manoeuvres ({_listed(protocol.manoeuvres)}) at "
+        f"{', '.join(f'{v:g}' for v in protocol.speeds_kmh)} km/h with {len(protocol.arms)} arms "
+        f"({_listed(protocol.arms)}), {protocol.draws} draws each of plant, car and the manoeuvre's size; a quick run "
+        "takes a part of them. The "
         "controller knows the nominal plant only; noise and draws are the same for every controller. Training cases, "
         "for tuning and learning, take their draws from other seeds than test cases, and only test cases are scored. "
         "Beside them stand exhibits on the nominal plant, as in the paper's Figures 9 to 11."
@@ -63,7 +64,7 @@ def method(report: Report, summary: Mapping[str, Any]) -> None:
     )
     report.table(
         ["group", "metric", "unit", "better", "meaning"],
-        [[_group(name), name, m.unit, BETTER[m.better], m.meaning] for name, m in _sorted(METRICS) if m.better],
+        [[group, name, m.unit, BETTER[m.better], m.meaning] for group, name, m in _grouped(METRICS)],
         "Metrics of every case, in scores.csv and scores.json; one that a case cannot tell is left empty. Where as the "
         "reference is better, NAME_reference is the reference's own value.",
         dense=True,
@@ -74,10 +75,12 @@ def _group(name: str) -> str:
     return GROUPS.get(name.split("_")[0], REST)
 
 
-def _sorted(metrics: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    order = [*dict.fromkeys(GROUPS.values()), REST]
-    return sorted(metrics.items(), key=lambda item: order.index(_group(item[0])))
+def _grouped(metrics: Mapping[str, Metric]) -> list[tuple[str, str, Metric]]:
+    """(Group, name, metric) without the references' rows; the group stands at its first metric only."""
+    own = [(name, metric) for name, metric in metrics.items() if metric.better]
+    groups = {group: [pair for pair in own if _group(pair[0]) == group] for group in (*GROUPS.values(), REST)}
+    return [(group if k == 0 else "", *pair) for group, pairs in groups.items() for k, pair in enumerate(pairs)]
 
 
-def _listed(arms: tuple[str, ...]) -> str:
-    return ", ".join(arm.replace("_", " ") for arm in arms)
+def _listed(names: tuple[str, ...]) -> str:
+    return ", ".join(name.replace("_", " ") for name in names)

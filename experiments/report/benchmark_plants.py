@@ -66,7 +66,8 @@ def nominal_numbers(report: Report, summary: Record, looks: Looks) -> None:
 def _rankings(
     systems: Sequence[Record], summary: Record, looks: Looks
 ) -> tuple[list[str], list[list[object]], str]:
-    columns = ["causality", "rank (95\u00a0%)", "controller", "score\u00a0[JND] (95\u00a0%)", "best", "unstable", "safety"]
+    columns = ["causality", "rank (95\u00a0%)", "controller", "score\u00a0[JND] (95\u00a0%)", "best", "unstable",
+               "safety"]  # fmt: skip
     rows: list[list[object]] = []
     for system in systems:
         where = system["plant"], system["causality"]

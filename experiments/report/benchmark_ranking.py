@@ -42,11 +42,12 @@ def answer(report: Report, summary: Record, looks: Looks) -> None:
     )
 
 
-def where_from(report: Report, ranking: Sequence[Record], scored: Sequence[Result], looks: Looks) -> None:
-    """Scores by system, manoeuvre, arm and speed."""
+def where_from(report: Report, scored: Sequence[Result], looks: Looks) -> None:
+    """Scores by system, manoeuvre, arm and speed; ``looks`` are in the order of the ranking."""
     if not scored:
         return
-    names = [standing["controller"] for standing in ranking]
+    driven = {result["case"]["controller"] for result in scored}
+    names = [name for name in looks if name in driven]
     report.section("Where the score comes from")
     report.text(" ".join(_why(names, scored, looks)))
     report.figure(
@@ -118,14 +119,13 @@ def _where_it_leads(ranking: Sequence[Record], summary: Record, looks: Looks) ->
         return []
     leaders: dict[str, list[str]] = {}
     for system in systems:
-        first = system["ranking"][0]
+        first, *rest = system["ranking"]
         name = first["controller"] if first["safe"] else ""
-        leaders.setdefault(name, []).append(f"{system['plant']} {system['causality']}")
-    best = ranking[0]["controller"]
-    if list(leaders) == [best]:
-        return [f"It is first in each of the {len(systems)} systems."]
+        sure = not any(s["safe"] and s["rank_interval"][0] == 1 for s in rest)
+        where = f"{system['plant']} {system['causality']}"
+        leaders.setdefault(name, []).append(where if sure or not name else f"{where} (not certain)")
     parts = [
-        f"{_name(name, looks)} in {' and '.join(where)}" if name else f"nobody safe in {' and '.join(where)}"
+        f"{_name(name, looks)} in {', '.join(where)}" if name else f"nobody safe in {', '.join(where)}"
         for name, where in leaders.items()
     ]
     return [f"By system, first are: {'; '.join(parts)}."]

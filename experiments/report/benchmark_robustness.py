@@ -67,7 +67,7 @@ def _margins(gates: Sequence[Record], limits: Record, looks: Looks) -> tuple[lis
     rows: list[list[object]] = [
         [
             f"{gate['plant']} {gate['causality']}", looks[gate["controller"]].label, f"{gate['growth']:.1f}",
-            _up_to(gate["gain_margin_dB"], limits.get("gain_margin_dB"), 1), f"{gate['phase_margin_deg']:.0f}",
+            _up_to(gate["gain_margin_dB"], limits.get("gain_margin_dB"), 1), f"{gate['phase_margin_deg']:.1f}",
             f"{gate['disk_margin']:.2f}", _up_to(gate["delay_margin_ms"], limits.get("delay_margin_ms"), 1),
             _up_to(gate["arm_radius"], limits.get("arm_radius"), 2), f"{gate['passivity_gap']:.1f}",
             f"{gate['bar_passivity_gap']:.1f}", len(gate["failures"]), len(gate["reference_failures"]),
@@ -142,7 +142,7 @@ def _confirmed(report: Report, confirmations: Sequence[Record], looks: Looks) ->
             [looks[c["controller"]].label, place_words(c), f"{c['growth']:.2f}",
              None if c["simulated_growth"] is None else f"{c['simulated_growth']:.2f}",
              {True: "yes", False: "no", None: None}[c["agrees"]],
-             "thrown out" if c["thrown"] else f"{c['left_Nm']:.2g}"]
+             "thrown out" if c["thrown"] else f"{c['left_Nm']:.3f}"]
             for c in confirmations
         ],
         "Growth of a small difference, linear and simulated, and the torsion-bar torque's range that is left after a "

@@ -12,12 +12,13 @@ from experiments.report.benchmark_safety import place_words
 from experiments.report.style import TEMPLATE, Look
 
 Record = Mapping[str, Any]
+Values = Sequence[Sequence[float | None]]
 GOOD_DISK = 0.5
 MOST_DISK = 1.0  # colours end here
 REFERENCE = "reference itself"
 UNSTABLE, OWN = "#7F1D1D", "#C3CAD3"
 COLOURS = ((0.0, "#B35806"), (0.25, "#F1A340"), (0.5, "#F7F7F7"), (0.75, "#92C5DE"), (1.0, "#2166AC"))
-ROW_PX, FRAME_PX = 24, 86
+ROW_PX, FRAME_PX, BAR_PX = 24, 86, 240
 
 
 def robustness_map(assessments: Sequence[Record], looks: Mapping[str, Look]) -> go.Figure:
@@ -25,7 +26,7 @@ def robustness_map(assessments: Sequence[Record], looks: Mapping[str, Look]) -> 
     systems = list(dict.fromkeys((a["plant"], a["causality"]) for a in assessments))
     plants, causalities = (list(dict.fromkeys(pair[k] for pair in systems)) for k in (0, 1))
     names = [name for name in looks if any(a["controller"] == name for a in assessments)]
-    height = FRAME_PX + len(plants) * (ROW_PX * (len(names) + 1) + 46)
+    height = max(FRAME_PX + len(plants) * (ROW_PX * (len(names) + 1) + 46), FRAME_PX + BAR_PX + 30)
     figure = make_subplots(
         len(plants), len(causalities), shared_yaxes=True, horizontal_spacing=0.02,
         vertical_spacing=min(46 / height, 0.5) if len(plants) > 1 else 0.0, column_titles=causalities,
@@ -39,7 +40,7 @@ def robustness_map(assessments: Sequence[Record], looks: Mapping[str, Look]) -> 
         template=TEMPLATE, height=height, margin={"t": 62, "b": 50, "r": 30},
         coloraxis={
             "colorscale": COLOURS, "cmin": 0.0, "cmax": MOST_DISK,
-            "colorbar": {"title": {"text": "disk<br>margin", "side": "top"}, "thickness": 12, "len": 240,
+            "colorbar": {"title": {"text": "disk<br>margin", "side": "top"}, "thickness": 12, "len": BAR_PX,
                          "lenmode": "pixels", "y": 1.0, "yanchor": "top", "outlinewidth": 0,
                          "tickvals": [0, 0.25, 0.5, 0.75, 1], "ticktext": ["0", "0.25", "0.5", "0.75", "≥ 1"]},
         },
@@ -55,10 +56,10 @@ def _panel(
         [[a for a in here if a["controller"] == name and a["speed_kmh"] == speed] for speed in speeds] for name in names
     ]
     own = [[a for a in here if a["speed_kmh"] == speed and not a["reference_stable"]] for speed in speeds]
-    blank: list[None] = [None] * len(speeds)
-    margins = [*([_margin(cell) for cell in line] for line in cells), blank]
-    unstable = [*([1.0 if _to_blame(cell) else None for cell in line] for line in cells), blank]
-    weak = [*(blank for _ in cells), [1.0 if found else None for found in own]]
+    blank: list[float | None] = [None] * len(speeds)
+    margins: Values = [*([_margin(cell) for cell in line] for line in cells), blank]
+    unstable: Values = [*([1.0 if _to_blame(cell) else None for cell in line] for line in cells), blank]
+    weak: Values = [*(blank for _ in cells), [1.0 if found else None for found in own]]
     labels = [looks[name].label for name in names]
     text = [*([_words(cell) for cell in line] for line in cells), [_growth(found) for found in own]]
     hover = [
@@ -88,7 +89,7 @@ def _panel(
     )  # fmt: skip
 
 
-def _masked(words: Sequence[Sequence[str]], z: Sequence[Sequence[float | None]]) -> list[list[str]]:
+def _masked(words: Sequence[Sequence[str]], z: Values) -> list[list[str]]:
     """Words where a trace has a value: plotly would write them over another trace's cells too."""
     return [["" if v is None else w for w, v in zip(*lines, strict=True)] for lines in zip(words, z, strict=True)]
 

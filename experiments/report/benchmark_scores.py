@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ HOVER = (
     "<b>%{y}</b>, %{x}<br>%{customdata[0]} JND (interquartile mean of %{customdata[2]} cases)<br>"
     "worst case %{customdata[1]} JND, %{customdata[3]} unstable<extra></extra>"
 )
+BAR_PX = 280  # of the colours
 ROW_PX, BETWEEN_PX, FRAME_PX, LABELS_PX = 21, 14, 62, 96
 
 
@@ -45,11 +46,6 @@ def cell_of(results: Sequence[Result]) -> Cell | None:
     cut = len(scores) // 4
     unstable = sum(not result["stable"] for result in results)
     return Cell(float(np.mean(scores[cut : len(scores) - cut])), scores[-1], len(scores), unstable)
-
-
-def values_of(results: Iterable[Result], key: Callable[[Result], Any]) -> list[Any]:
-    """Distinct values of a key in order of appearance."""
-    return list(dict.fromkeys(map(key, results)))
 
 
 def columns_of(results: Sequence[Result], key: Callable[[dict[str, Any]], str]) -> list[Column]:
@@ -86,8 +82,9 @@ def score_maps(
     panels: Mapping[tuple[str, str], Sequence[Sequence[Column]]], names: Sequence[str], looks: Mapping[str, Look]
 ) -> go.Figure:
     """One heat map per panel (row title, column title), controller over columns; groups stand apart."""
-    rows, across = values_of(panels, lambda key: key[0]), values_of(panels, lambda key: key[1])
+    rows, across = (list(dict.fromkeys(key[k] for key in panels)) for k in (0, 1))
     height = FRAME_PX + LABELS_PX + len(rows) * ROW_PX * len(names) + (len(rows) - 1) * BETWEEN_PX
+    height = max(height, FRAME_PX + BAR_PX + 30)
     figure = make_subplots(
         len(rows), len(across), shared_yaxes=True, horizontal_spacing=0.02,
         vertical_spacing=BETWEEN_PX / (height - FRAME_PX - LABELS_PX), shared_xaxes=True,
@@ -151,6 +148,6 @@ def _scale() -> dict[str, Any]:
         "colorscale": JND_COLOURS, "cmin": math.log10(LEAST_JND), "cmax": math.log10(MOST_JND),
         "colorbar": {
             "title": {"text": "JND", "side": "top"}, "tickvals": ticks, "ticktext": [f"{t:g}" for t in TICKS_JND],
-            "thickness": 12, "len": 280, "lenmode": "pixels", "y": 1.0, "yanchor": "top", "outlinewidth": 0,
+            "thickness": 12, "len": BAR_PX, "lenmode": "pixels", "y": 1.0, "yanchor": "top", "outlinewidth": 0,
         },
     }  # fmt: skip
