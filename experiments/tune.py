@@ -1,11 +1,12 @@
 """Tune a controller's gains on the training cases of the benchmark: steer-env tune.
 
-The objective is the benchmark's own (interquartile mean of case scores in JND), by half with the plain
-mean, which the worst cases enter too, plus what a score leaves out: an unstable episode costs its share of the worst score, so does a place that turns unstable when
-commands come one period later, and a loop that the linear proof calls unsafe costs a worst score
-more. Plants, cars and arms come from the training seeds, which the scored cases never touch. The
-first trial is the law's design formula as it is, so tuning cannot make it worse on its own ground.
-The result is a data file as controllers/tuned ships them.
+The objective is the benchmark's own (interquartile mean of case scores in JND), by half with the
+plain mean, which the worst cases enter too, plus what a score leaves out: an unstable episode costs
+its share of the worst score, so does a place that turns unstable when commands come one period later,
+and a loop that the linear proof calls unsafe costs a worst score more. Plants, cars and arms come
+from the training seeds, which the scored cases never touch. The first trial is the law's design
+formula as it is, the second the gains that are shipped, so tuning cannot make either worse on this
+ground. The result is a data file as controllers/tuned ships them.
 """
 
 from __future__ import annotations
@@ -136,6 +137,7 @@ def tune_loop(
     advance(min(done, trials), note="kept")
     if not done:
         study.enqueue_trial(dict.fromkeys(ranges, 1.0))
+        study.enqueue_trial(shipped_factors(name, plant, causality, ranges))
     study.optimize(one, n_trials=max(trials - done, 0))
     first = study.trials[0].value
     best = rounded(study.best_params)
@@ -145,6 +147,16 @@ def tune_loop(
         "objective_after": study.best_value,
         "trials": len(study.trials),
     }
+
+
+def shipped_factors(name: str, plant: str, causality: str, ranges: dict[str, tuple[float, float]]) -> Factors:
+    """The factors that controllers/tuned has, inside the ranges; 1 where it has none."""
+    shipped = tuning.gains_for(name, plant, causality)
+    found = {}
+    for gain, (low, high) in ranges.items():
+        factor = shipped.get(gain, Factor(1.0))
+        found[gain] = min(max(factor.share if isinstance(factor, Factor) else 1.0, low), high)
+    return found
 
 
 def rounded(factors: Factors) -> Factors:
