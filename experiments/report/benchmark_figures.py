@@ -14,7 +14,7 @@ from experiments.report.style import DOT_SIZE, GRID, LINE_WIDTH, MUTED, REFERENC
 Result = dict[str, Any]
 Looks = Mapping[str, Look]
 CAUSALITIES = ("impedance", "admittance")
-TICKS_HZ = (0.2, 0.5, 1, 2, 3, 4, 5)
+TICKS_HZ = (0.2, 0.5, 1, 2, 3, 4, 5, 7, 10, 15, 20, 30)
 DEG = 180.0 / np.pi
 SHOWN_BANDS = 5.0  # half heights of the band at which a deviation leaves the frame
 ACROSS, TITLE_PX = 5, 30  # loops beside each other; between two rows of them
@@ -88,9 +88,10 @@ def responses(results: Sequence[Result], looks: Looks | None = None) -> go.Figur
 
 
 def deviations(
-    curves: Sequence[Deviation], band_dB: float, band_deg: float, end_Hz: float, looks: Looks | None = None
-) -> go.Figure:
-    """Deviation from the reference over frequency, with the band of ``band_dB`` and ``band_deg`` up to ``end_Hz``.
+    curves: Sequence[Deviation], band_dB: float, band_deg: float, within_Hz: tuple[float, float],
+    looks: Looks | None = None,
+) -> go.Figure:  # fmt: skip
+    """Deviation from the reference over frequency, with the band of ``band_dB`` and ``band_deg`` within_Hz.
 
     The frame ends at some half heights of the band, so that one bad controller does not flatten the rest.
     """
@@ -104,8 +105,8 @@ def deviations(
     for column in (1, 2):
         for row, limit in ((1, band_dB), (2, band_deg)):
             figure.add_shape(
-                type="rect", x0=0.2, x1=end_Hz, y0=-limit, y1=limit, fillcolor=GRID, opacity=0.7, line_width=0,
-                layer="below", row=row, col=column,
+                type="rect", x0=within_Hz[0], x1=within_Hz[1], y0=-limit, y1=limit, fillcolor=GRID, opacity=0.7,
+                line_width=0, layer="below", row=row, col=column,
             )  # fmt: skip
     for curve in sorted(curves, key=lambda curve: list(looks).index(curve.controller)):
         look, column = looks[curve.controller], 1 + CAUSALITIES.index(curve.causality)
@@ -141,7 +142,7 @@ def loops(results: Sequence[Result], looks: Looks | None = None) -> go.Figure:
     panel_px = 300 if across < 4 else 150
     height = 150 + 2 * lines * panel_px + (2 * lines - 1) * TITLE_PX
     figure = make_subplots(
-        2 * lines, across, shared_xaxes="all", shared_yaxes="all", horizontal_spacing=0.012,
+        2 * lines, across, shared_xaxes="all", shared_yaxes="all", horizontal_spacing=0.012 if across > 3 else 0.03,
         vertical_spacing=TITLE_PX / (height - 150), subplot_titles=titles,
     )  # fmt: skip
     entries = _Legend()

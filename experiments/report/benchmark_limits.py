@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any
@@ -15,7 +16,7 @@ from steer_env.envs.layout import PERIOD
 
 Record = Mapping[str, Any]
 Looks = Mapping[str, Look]
-TICKS_JND = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10)
+TICKS_JND = [digit * 10.0**decade for decade in range(-4, 3) for digit in (1, 2, 5)]
 
 
 def limit(report: Report, summary: Record, looks: Looks) -> None:
@@ -45,6 +46,7 @@ def limits(records: Sequence[Record], looks: Looks) -> go.Figure:
         1, len(systems), shared_yaxes=True, horizontal_spacing=0.015,
         column_titles=[system.replace(" ", "<br>") for system in systems],
     )  # fmt: skip
+    named: set[str] = set()
     for column, here in enumerate(systems.values(), start=1):
         speeds = sorted({r["speed_kmh"] for r in here})
         lines = {"limit": (REFERENCE, "line-ew", [_median(_at(here, v), None) for v in speeds])}
@@ -52,10 +54,11 @@ def limits(records: Sequence[Record], looks: Looks) -> go.Figure:
             if any(r["reached"].get(name) is not None for r in here):
                 lines[look.label] = look.colour, look.symbol, [_median(_at(here, v), name) for v in speeds]
         for label, (colour, symbol, values) in lines.items():
-            of_limit = label == "limit"
+            of_limit, shown = label == "limit", label not in named
+            named.add(label)
             figure.add_trace(
                 go.Scatter(
-                    x=speeds, y=values, name=label, legendgroup=label, showlegend=column == 1,
+                    x=speeds, y=values, name=label, legendgroup=label, showlegend=shown,
                     mode="lines" if of_limit and len(speeds) > 1 else "markers",
                     line={"color": colour, "width": 2.5},
                     marker={"color": colour, "symbol": symbol, "size": 14 if of_limit else 8,
@@ -120,17 +123,25 @@ def _cell(records: Sequence[Record], name: str) -> str | None:
     """Median (nearest to farthest) of a controller, and where its linear loop is unstable."""
     asked = [r for r in records if name in r["reached"]]
     ratios, lost = _ratios(records, name), sum(r["reached"][name] is None for r in asked)
-    words = f"{median(ratios):.2f} ({min(ratios):.2f}–{max(ratios):.2f})" if ratios else ""
+    spread = f" ({min(ratios):.2f}–{max(ratios):.2f})" if len(ratios) > 1 else ""
+    words = f"{median(ratios):.2f}{spread}" if ratios else ""
     unstable = f"unstable at {lost} of {len(asked)}" if lost else ""
     return ", ".join(filter(None, (words, unstable))) or None
+
+
+def _middle(records: Sequence[Record], name: str) -> float:
+    """Median over the limit's error; an unstable loop is infinitely far."""
+    asked = [r for r in records if name in r["reached"] and r["limit_jnd"] > 0.0]
+    reached = [math.inf if r["reached"][name] is None else r["reached"][name] / r["limit_jnd"] for r in asked]
+    return median(reached) if reached else math.inf
 
 
 def _sentences(records: Sequence[Record], looks: Looks) -> list[str]:
     above = sum(r["limit_jnd"] > 1.0 for r in records)
     sentences = [f"No controller could come nearer than 1 JND at {above} of {len(records)} places."] if above else []
-    middle = {name: median(r) for name in looks for r in [_ratios(records, name)] if r}
-    if middle:
-        best = min(middle, key=lambda name: middle[name])
+    middle = {name: _middle(records, name) for name in looks if any(name in r["reached"] for r in records)}
+    best = min(middle, key=lambda name: middle[name], default="")
+    if middle and math.isfinite(middle[best]):
         sentences.append(
             f"**{looks[best].label}** is nearest to the limit: {middle[best]:.2f} times its error in the median."
         )

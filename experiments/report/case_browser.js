@@ -89,6 +89,11 @@
     return [-reach, reach];
   }
 
+  function spanOf(frequencies) {
+    const decades = frequencies.flat().map(Math.log10);
+    return [Math.min(...decades) - 0.05, Math.max(...decades) + 0.03];
+  }
+
   function layoutOf(shown) {
     const data = shown[0];
     const base = { template, height: 460, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" }, margin: { t: 40 } };
@@ -102,7 +107,7 @@
         ...base,
         ...panels(
           0.5,
-          { type: "log", title: { text: "frequency [Hz]" }, tickvals: [0.2, 0.5, 1, 2, 3, 4, 5], range: [-0.75, 0.73] },
+          { type: "log", title: { text: "frequency [Hz]" }, tickvals: [0.2, 0.5, 1, 2, 3, 4, 5, 7, 10, 15, 20, 30], range: spanOf(shown.map((one) => one.frequency_Hz)) },
           { title: { text: "magnitude error [dB]" }, range: reachOf(cases.jnd.dB, shown.map((one) => one.ratio_dB)), ...zero },
           { title: { text: "phase error [deg]" }, range: reachOf(cases.jnd.deg, shown.map((one) => one.ratio_deg)), ...zero },
         ),

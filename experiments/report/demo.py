@@ -129,7 +129,7 @@ def _tracked(report: Report, results: Sequence[Result], told: Sequence[Verdict])
         )
         curves = [curve for curve in map(benchmark_figures.deviation_of, linear) if curve is not None]
         report.figure(
-            benchmark_figures.deviations(curves, LIMIT_DB, LIMIT_DEG, REQUIRED_BAND_HZ[1]),
+            benchmark_figures.deviations(curves, LIMIT_DB, LIMIT_DEG, REQUIRED_BAND_HZ),
             f"{plant}: deviation from the linear reference; the band is {LIMIT_DB} dB and {LIMIT_DEG:g} deg.",
         )
     for verdict in told:

@@ -9,6 +9,7 @@ import pytest
 from experiments.bench_protocol import Protocol
 from experiments.bench_ranking import case_score
 from experiments.measures import JND_DB, JND_DEG
+from experiments.metrics import BAND_HZ
 from experiments.report import benchmark_figures, benchmark_scores
 from experiments.report.benchmark import make_report
 from experiments.report.benchmark_cases import browser_data
@@ -108,7 +109,7 @@ def test_a_controller_without_a_proof_is_not_called_safe():
 def test_the_band_of_one_jnd_is_drawn():
     chirps = [r for r in scored({GOOD: 1.0}) if "ratio_dB" in r["plot"] and r["case"]["speed_kmh"] == 75.0]
     curves = [benchmark_figures.deviation_of(result) for result in chirps]
-    figure = benchmark_figures.deviations(curves, JND_DB, JND_DEG, 5.0)
+    figure = benchmark_figures.deviations(curves, JND_DB, JND_DEG, BAND_HZ)
     bands = {(shape.y0, shape.y1) for shape in figure.layout.shapes}
     assert bands == {(-JND_DB, JND_DB), (-JND_DEG, JND_DEG)}
     assert pytest.approx(1.21, abs=0.01) == JND_DB
@@ -119,7 +120,7 @@ def test_the_band_of_one_jnd_is_drawn():
 def test_a_response_that_explodes_does_not_flatten_the_others():
     wild = scored({GOOD: 1.0, BAD: 60.0})
     curves = [benchmark_figures.deviation_of(result) for result in wild if "ratio_dB" in result["plot"]]
-    figure = benchmark_figures.deviations(curves, JND_DB, JND_DEG, 5.0)
+    figure = benchmark_figures.deviations(curves, JND_DB, JND_DEG, BAND_HZ)
     assert figure.layout.yaxis.range[1] == pytest.approx(benchmark_figures.SHOWN_BANDS * JND_DB)
 
 
@@ -202,6 +203,9 @@ def test_limit_and_cost_are_shown_when_there():
     assert "No controller could come nearer than 1 JND at 1 of 2 places." in text
     assert "1.45 (0.40–2.50)" in text
     assert "unstable at 2 of 2" in text
+    assert f"<strong>{GOOD}</strong> is nearest to the limit: 1.45 times" in text
+    worse = [{**record, "arm": arm, "reached": {GOOD: 0.5, BAD: None if k else 0.3}} for k, arm in enumerate("abc")]
+    assert f"<strong>{GOOD}</strong> is nearest" in page(results, limit=worse)  # not the one stable in a third of them
     assert re.search(r"1\.50</td>\s*<td[^>]*>20\.00</td>\s*<td[^>]*>2\.00</td>", text)
     assert "Distance to the limit" not in page(results)
 
