@@ -40,6 +40,7 @@ CONTROLLERS: dict[str, str] = {
     "lead": "controllers.lead",
     "disturbance_observer": "controllers.disturbance_observer",
     "lqg": "controllers.lqg",
+    "h_infinity": "controllers.h_infinity",
 }
 
 CAUSALITIES = ("impedance", "admittance")
