@@ -121,6 +121,8 @@ class HInfinityState(NamedTuple):
     friction_angle: float = 0.0
     felt_friction: float = 0.0
     felt_angle: float = 0.0
+    then_friction: float = 0.0
+    then_angle: float = 0.0
 
 
 @scalar
@@ -188,17 +190,22 @@ def torque_law(o: Observation, x: HInfinityState, p: HInfinityParameters) -> tup
     felt = felt_at(o.speed, p.schedule)
     friction = dahl_step(x.friction, o.pinion_angle - x.friction_angle, p.M_fric, p.c_fric)
     felt_friction = dahl_step(x.felt_friction, o.pinion_angle - x.felt_angle, felt.M_fric_C, felt.c_fric)
-    surplus = assisted(o.torsion_bar_torque, felt) - o.effective_torque
+    # Springs answered late take damping away: load and friction are taken at the law's own motion,
+    # by what this is ahead of the measured one.
+    then_friction = dahl_step(x.then_friction, x.angle - x.then_angle, felt.M_fric_C, felt.c_fric)
+    more = between(o.speed, p.schedule, p.instant) * (x.angle - o.pinion_angle)
+    gap = more + felt.b_ref * (x.rate - o.pinion_rate) + then_friction - felt_friction
+    surplus = assisted(o.torsion_bar_torque, felt) - o.effective_torque - gap
     acceleration = followed(o, felt, p) * (o.pinion_acceleration + surplus / felt.J_ref)
     rate = x.rate + p.period * (acceleration - p.leak * (x.rate - o.pinion_rate))
     angle = x.angle + p.period * (0.5 * (x.rate + rate) - p.leak * (x.angle - o.pinion_angle))
-    load = load_of(o, o.pinion_acceleration, o.pinion_rate, felt_friction, felt)
+    load = load_of(o, o.pinion_acceleration, o.pinion_rate, felt_friction, felt) + more
     error = angle - o.pinion_angle
-    forward = needed(acceleration, o.pinion_rate, load, friction, o, p)
+    forward = needed(acceleration, rate, load, friction, o, p)
     inner = inner_step(p.motor_ratio * o.last_torque_1 - x.forward, x, p)
     command = (forward + inner_output(inner, error, forward, p)) / p.motor_ratio
     return command, HInfinityState(
-        inner, error, forward, angle, rate, 0.0, friction, o.pinion_angle, felt_friction, o.pinion_angle
+        inner, error, forward, angle, rate, 0.0, friction, o.pinion_angle, felt_friction, o.pinion_angle, then_friction, x.angle
     )
 
 
@@ -224,7 +231,7 @@ def angle_law(o: Observation, x: HInfinityState, p: HInfinityParameters) -> tupl
     inner = inner_step(p.motor_ratio * o.last_torque_1 - x.forward, x, p)
     command = (forward + inner_output(inner, error, forward, p)) / p.motor_ratio
     return command, HInfinityState(
-        inner, error, forward, angle, rate, ahead, friction, o.pinion_angle, felt_friction, o.reference
+        inner, error, forward, angle, rate, ahead, friction, o.pinion_angle, felt_friction, o.reference, 0.0, 0.0
     )
 
 

@@ -100,9 +100,8 @@ def ports(plant: Plant, felt: Felt, w: Weights, impedance: bool, leak: float) ->
         body, (angle, rate, slow_1, slow_2, integral, high_1, high_2) = x[:5], x[5:n]
         hand, load, angle_noise, torque_noise, v, arrived = x[n:]
         M_tb = float(C[0] @ body)
-        d, d_rate = (body[2], body[3]) if impedance else (angle, rate)
-        a = M_tb / w.felt_inertia - felt.damping * d_rate - felt.stiffness * d
-        forward = s.J_pin * a + s.b_pin * d_rate + share * own * d - M_tb
+        a = M_tb / w.felt_inertia - felt.damping * rate - felt.stiffness * angle
+        forward = s.J_pin * a + s.b_pin * rate + share * own * angle - M_tb
         ordered = v + forward
         grip = hand - ARM_STIFFNESS * body[0] - ARM_DAMPING * body[1]
         rack = share * own * body[2]
