@@ -1,46 +1,78 @@
-"""From weights to a sampled controller of few states for h_infinity, and what gamma is left at each step."""
+"""Parameters of the h_infinity controller: the plant's numbers, the weights and what comes of them."""
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import Annotated, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import expm
 
-from controllers.h_infinity_plant import DISTURBANCES, RESULTS, Felt, Ports, Weights, delay, ports, problem
+from controllers.h_infinity_plant import Felt, Weights
+from controllers.h_infinity_sampled import Achieved, designed
+from controllers.hardware import hardware_of, total_delay
+from controllers.law import Gain, with_gains
 from controllers.schedule import Felt as Row
-from controllers.synthesis import Complexes, Matrix, bilinear, closed, peak, response, synthesise, truncated
-from steer_env.physics.motor import Motor
-from steer_env.physics.sensors import Sensors
-from steer_env.physics.steering import Steering
-from steer_env.plants import Plant
+from controllers.synthesis import Matrix
+from steer_env.physics.linear import load_matrices
+from steer_env.physics.reference import ReferenceParameters
+from steer_env.plants import Plant, Reference
 from steer_env.units import Quantity
 
-ORDER = 10  # states of the law
-ANGLE_SIZE, TORQUE_SIZE = 1e-4, 0.02  # rad, N m: errors that count like 1 N m of the motor in the truncation
+_N = "the plant's nominal value"
+_A = "assumption, found by search over drawn plants"
 
 
-class Achieved(NamedTuple):
-    """Gamma is 1 where all weights are just met; infinite where the loop is unstable."""
+class HInfinityParameters(NamedTuple):
+    """Parameters of both laws; torques at the lower body unless said otherwise."""
 
-    gamma: Annotated[float, Quantity("-", "bound of the synthesis", 0.0, 1e4, "synthesis")]
-    gamma_full: Annotated[float, Quantity("-", "of all states, on a grid", 0.0, np.inf, "computed")]
-    gamma_reduced: Annotated[float, Quantity("-", "of the law's states, on a grid", 0.0, np.inf, "computed")]
-    gamma_sampled: Annotated[float, Quantity("-", "the same sampled, with the true delay", 0.0, np.inf, "computed")]
-    arm: Annotated[float, Quantity("-", "stable with every arm while below 1", 0.0, np.inf, "computed")]
-    order_full: Annotated[float, Quantity("-", "states of the synthesised controller", 1, 100, "synthesis")]
-    order: Annotated[float, Quantity("-", "states of the law", 1, 100, "computed")]
-    truncation: Annotated[float, Quantity("-", "bound of what truncation changes", 0.0, np.inf, "computed")]
-
-
-class Sampled(NamedTuple):
-    """The law's matrices (synthesis.bilinear) and what they achieve."""
-
-    step: Matrix
-    output: Matrix
+    schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
+    instant: Any  # float64 [n]: stiffness of the reference's load at once, N m/rad, for each row
+    step: Any  # float64 [10, 13]: linear part one period on from its states, v, e, v_ff
+    output: Any  # float64 [13]: v from the same (nothing from v)
     achieved: Achieved
+    period: Annotated[float, Quantity("s", "control period", 1e-5, 0.05, "the loop's own")]
+    motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, _N)]
+    rack_share: Annotated[float, Quantity("-", "1 where the car loads the lower body, 0 for SbW", 0.0, 1.0, _N)]
+    J_pin: Annotated[float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, _N)]
+    b_pin: Annotated[float, Quantity("N m s/rad", "lower-body damping", 0.0, 20.0, _N)]
+    M_fric: Annotated[float, Quantity("N m", "lower-body friction", 0.0, 20.0, _N)]
+    c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
+    least_inertia: Annotated[float, Quantity("kg m2", "least felt inertia that is followed", 1e-4, 1.0, _A)]
+    return_rate: Annotated[float, Quantity("rad/s", "return of what was not, admittance", 0.0, 100.0, _A)]
+    leak: Annotated[float, Quantity("1/s", "own motion towards the measured one, impedance", 0.0, 100.0, _A)]
+    own: Annotated[float, Quantity("-", "x", 0.0, 1.0, _A)]
+    lead: Annotated[float, Quantity("s", "x", 0.0, 1.0, _A)]
+    felt_inertia: Annotated[float, Quantity("kg m2", "J_ref over the assist's slope, of the design", 1e-4, 1.0, _A)]
+    accuracy: Annotated[float, Quantity("-", "hand torque over the error's torque", 0.1, 1e4, _A)]
+    natural: Annotated[float, Quantity("rad/s", "n of the error's weight", 0.1, 1e3, _A)]
+    bandwidth: Annotated[float, Quantity("rad/s", "up to which accuracy is asked for", 1.0, 1e3, _A)]
+    integral: Annotated[float, Quantity("1/s", "integral in the error's weight", 0.0, 100.0, _A)]
+    gain_error: Annotated[float, Quantity("-", "error of the motor's path, slow", 1e-3, 0.99, _A)]
+    gain_bandwidth: Annotated[float, Quantity("rad/s", "where that error is 1", 10.0, 5e3, _A)]
+    inertia_error: Annotated[float, Quantity("-", "r of the lower body", 1e-3, 0.99, _A)]
+    load: Annotated[float, Quantity("-", "torque at the lower body over the hand's", 1e-2, 100.0, _A)]
+    angle_noise: Annotated[float, Quantity("rad", "noise of e", 1e-8, 0.1, _A)]
+    torque_noise: Annotated[float, Quantity("N m", "noise of v_ff", 1e-5, 10.0, _A)]
+    late: Annotated[float, Quantity("s", "delay counted with beyond the known one", 0.0, 0.1, _A)]
+
+
+def weights_for(plant: Plant, delay: float) -> Weights:
+    """The weights for a plant of which ``delay`` s is T_d: rates are constants over it."""
+    rack = plant.rack_share > 0.5
+    return Weights(
+        felt_inertia=0.0042 if rack else 0.0034,
+        accuracy=84.0 if rack else 34.0,
+        natural=(0.18 if rack else 0.23) / delay,
+        bandwidth=(0.2 if rack else 0.24) / delay,
+        integral=0.4 if rack else 11.5,
+        gain_error=0.2 if rack else 0.27,
+        gain_bandwidth=(3.3 if rack else 3.0) / delay,
+        inertia_error=0.25 if rack else 0.12,
+        load=1.8 if rack else 0.25,
+        angle_noise=6.6e-6 if rack else 7e-7,
+        torque_noise=0.0146 if rack else 0.034,
+        late=0.01 * delay if rack else 0.0,
+    )
 
 
 def felt_of(schedule: Matrix) -> Felt:
@@ -50,101 +82,36 @@ def felt_of(schedule: Matrix) -> Felt:
     return Felt(float(np.median(damping)), float(np.median(stiffness)))
 
 
-def designed(plant: Plant, felt: Felt, weights: Weights, impedance: bool, leak: float, period: float) -> Sampled:
-    """The sampled controller for a plant; kept for equal numbers."""
-    return _designed(
-        plant.steering, plant.motor, plant.sensors, plant.rack_share, felt, weights, impedance, leak, period
+def instant_stiffness(reference: Reference) -> Matrix:
+    """What a sudden turn changes of the reference's load, N m/rad, for each row of its table [n]."""
+    rows = ((float(row[0]), ReferenceParameters(*row[1:].tolist())) for row in reference.table)
+    return np.array([load_matrices(speed, p)[3][0, 0] for speed, p in rows])
+
+
+def design(
+    plant: Plant, reference: Reference, impedance: bool, period: float, gains: Mapping[str, Gain]
+) -> HInfinityParameters:
+    """Parameters for a plant and a reference at a control period in s; ``gains`` replace fields."""
+    delay = total_delay(plant, period)
+    asked = {name: gain for name, gain in gains.items() if name in Weights._fields}
+    weights = with_gains(weights_for(plant, delay), asked, "h_infinity")
+    hardware = hardware_of(plant, reference, period)
+    rack = plant.rack_share > 0.5
+    parameters = HInfinityParameters(
+        **{name: hardware[name] for name in HInfinityParameters._fields if name in hardware},
+        instant=instant_stiffness(reference),
+        step=np.empty(0),
+        output=np.empty(0),
+        achieved=Achieved(*[np.nan] * len(Achieved._fields)),
+        least_inertia=(0.62 if rack else 0.87) * weights.felt_inertia,
+        return_rate=(0.011 if rack else 0.016) / delay,
+        leak=(0.06 if rack else 0.04) / delay,
+        own=0.7 if rack else 0.55,
+        lead=(0.24 if rack else 0.6) * delay,
+        **weights._asdict(),
     )
-
-
-@lru_cache(maxsize=64)
-def _designed(
-    steering: Steering,
-    motor: Motor,
-    sensors: Sensors,
-    rack_share: float,
-    felt: Felt,
-    weights: Weights,
-    impedance: bool,
-    leak: float,
-    period: float,
-) -> Sampled:
-    plant = Plant("", steering, motor, sensors, rack_share, 1.0)
-    open_ports = ports(plant, felt, weights, impedance, leak)
-    q = problem(open_ports, delay(plant, period) + weights.late)
-    full, gamma = synthesise(q)
-    scale = np.array([1.0, ANGLE_SIZE, TORQUE_SIZE])
-    reduced, values = truncated(full, ORDER, scale)
-    step, output = bilinear(reduced, period)
-    omega = np.geomspace(0.01, np.pi / period, 500)
-    sampled = sampled_response(open_ports, step, output, plant, period, omega)
-    A = closed(q, reduced)[0]
-    stable = np.linalg.eigvals(A).real.max() < 0.0
-    settles = growth(open_ports, step, output, plant, period) < 1.0
-    arm = sampled[:, RESULTS.index("arm"), DISTURBANCES.index("hand")]
-    achieved = Achieved(
-        gamma=gamma,
-        gamma_full=peak(response(*closed(q, full), omega)),
-        gamma_reduced=peak(response(*closed(q, reduced), omega)) if stable else np.inf,
-        gamma_sampled=peak(sampled) if settles else np.inf,
-        arm=float(np.abs(arm).max()),
-        order_full=float(len(full.A)),
-        order=float(len(reduced.A)),
-        truncation=2.0 * float(values[len(reduced.A) :].sum()),
-    )
-    return Sampled(*_padded(step, output), achieved)
-
-
-def _padded(step: Matrix, output: Matrix) -> tuple[Matrix, Matrix]:
-    """The same with ORDER states, those beyond its own being zero."""
-    n = len(step)
-    wide, long = np.zeros((ORDER, ORDER + 3)), np.zeros(ORDER + 3)
-    wide[:n, :n], wide[:n, ORDER:] = step[:, :n], step[:, n:]
-    long[:n], long[ORDER:] = output[:n], output[n:]
-    return wide, long
-
-
-def delayed(plant: Plant, period: float) -> int:
-    """Whole periods between a sensor's sample and the command that answers it."""
-    return round(delay(plant, period) / period - 0.5)
-
-
-def sampled_response(
-    p: Ports, step: Matrix, output: Matrix, plant: Plant, period: float, omega: NDArray[np.float64]
-) -> Complexes:
-    """From disturbances to results [f, 4, 4] with the sampled law, the whole delay and the hold, at omega [f] in rad/s."""
-    n = len(step)
-    s, z = 1j * omega[:, None, None], np.exp(1j * omega * period)[:, None, None]
-    P = p.C @ np.linalg.solve(s * np.eye(len(p.A)) - p.A, np.broadcast_to(p.B, (omega.size, *p.B.shape))) + p.D
-    own = step[:, :n] + np.outer(step[:, n], output[:n])
-    enter = step[:, n + 1 :] + np.outer(step[:, n], output[n + 1 :])
-    law = output[:n] @ np.linalg.solve(z * np.eye(n) - own, np.broadcast_to(enter, (omega.size, *enter.shape)))
-    half = 0.5 * omega * period
-    back = np.zeros((omega.size, 2, 3), dtype=complex)  # (error, forward, ordered) to (v, arrived)
-    back[:, 0, :2] = law + output[n + 1 :]
-    back[:, 1, 2] = np.exp(-1j * omega * period * delayed(plant, period) - 1j * half) * np.sinc(half / np.pi)
-    inner = np.linalg.solve(np.eye(2) - back @ P[:, 4:, 4:], back @ P[:, 4:, :4])
-    return np.asarray(P[:, :4, :4] + P[:, :4, 4:] @ inner, dtype=complex)
-
-
-def growth(p: Ports, step: Matrix, output: Matrix, plant: Plant, period: float) -> float:
-    """Largest size of an eigenvalue of the sampled loop, weights aside: stable below 1."""
-    n, m, late = len(p.A), len(step), delayed(plant, period)
-    both = expm(period * np.block([[p.A, p.B[:, 5:]], [np.zeros((1, n + 1))]]))
-    y, ordered = slice(4, 6), slice(6, 7)
-    # States: ports, the law's, torques under way (newest first).
-    size = n + m + late
-    v, new = np.zeros(size), np.zeros(size)
-    v[:n], v[n : n + m] = output[m + 1 :] @ p.C[y], output[:m]
-    new[:] = v
-    new[:n] += p.C[ordered][0]
-    A = np.zeros((size, size))
-    A[:n, :n] = both[:n, :n]
-    A[:n] += np.outer(both[:n, n], new if late == 0 else np.eye(size)[-1])
-    A[n : n + m, n : n + m] = step[:, :m]
-    A[n : n + m, :n] = step[:, m + 1 :] @ p.C[y]
-    A[n : n + m] += np.outer(step[:, m], v)
-    if late:
-        A[n + m] = new
-        A[n + m + 1 :, n + m : -1] = np.eye(late - 1)
-    return float(np.abs(np.linalg.eigvals(A)).max())
+    others = {name: gain for name, gain in gains.items() if name not in asked}
+    parameters = with_gains(parameters, others, "h_infinity")
+    leak = parameters.leak if impedance else 0.0
+    sampled = designed(plant, felt_of(parameters.schedule), weights, leak, period)
+    return parameters._replace(**sampled._asdict())
