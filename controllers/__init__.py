@@ -42,6 +42,7 @@ CONTROLLERS: dict[str, str] = {
     "lead": "controllers.lead",
     "disturbance_observer": "controllers.disturbance_observer",
     "lqg": "controllers.lqg",
+    "h_infinity": "controllers.h_infinity",
     "mpc": "controllers.mpc",
     "super_twisting": "controllers.super_twisting",
     "passivity": "controllers.passivity",
