@@ -24,7 +24,7 @@ HOVER = (
     "<b>%{y}</b>, %{x}<br>%{customdata[0]} JND (interquartile mean of %{customdata[2]} cases)<br>"
     "worst case %{customdata[1]} JND, %{customdata[3]} unstable<extra></extra>"
 )
-BAR_PX = 280  # of the colours
+BAR_PX, TITLE_PX = 280, 125  # of the colours; of a row's title on its side
 ROW_PX, BETWEEN_PX, FRAME_PX, LABELS_PX = 21, 14, 62, 96
 
 
@@ -83,7 +83,8 @@ def score_maps(
 ) -> go.Figure:
     """One heat map per panel (row title, column title), controller over columns; groups stand apart."""
     rows, across = (list(dict.fromkeys(key[k] for key in panels)) for k in (0, 1))
-    height = FRAME_PX + LABELS_PX + len(rows) * ROW_PX * len(names) + (len(rows) - 1) * BETWEEN_PX
+    panel_px = max(ROW_PX * len(names), TITLE_PX if any(rows) else 0)
+    height = FRAME_PX + LABELS_PX + len(rows) * panel_px + (len(rows) - 1) * BETWEEN_PX
     height = max(height, FRAME_PX + BAR_PX + 30)
     figure = make_subplots(
         len(rows), len(across), shared_yaxes=True, horizontal_spacing=0.02,
