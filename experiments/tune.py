@@ -123,7 +123,7 @@ def tune_loop(
     study = optuna.create_study(
         storage=storage,
         study_name=f"{name} {plant} {causality} {trials} {seed}",
-        sampler=optuna.samplers.TPESampler(seed=seed, n_startup_trials=min(15, trials)),
+        sampler=optuna.samplers.TPESampler(seed=seed, n_startup_trials=max(min(15, trials // 4), 1)),
         load_if_exists=True,
     )
 
