@@ -26,7 +26,7 @@ LOW = 2.0 * np.pi * np.geomspace(0.2, 30.0, 40)
 
 
 def halves(name, plant, causality, speed_kmh, point, arms, hardware=None):
-    controller = controllers.make(name, PLANTS[plant], REFERENCE, causality)
+    controller = controllers.make(name, PLANTS[plant], REFERENCE, causality, tuned=False)
     controller.reset(PERIOD)
     place = place_of(PLANTS[plant], causality, REFERENCE, speed_kmh, point, hardware)
     return linear_loop.environment_half(place, arms), law_half(controller, place), place, controller
@@ -43,7 +43,7 @@ def silence(o, x, p):
 
 
 def silent():
-    pid = controllers.make("pid", PLANTS["SbW"], REFERENCE, "impedance")
+    pid = controllers.make("pid", PLANTS["SbW"], REFERENCE, "impedance", tuned=False)
     return LawController(silence, lambda period: pid.parameters, pid.state())
 
 
@@ -138,7 +138,7 @@ def test_margins_are_where_eigenvalues_cross(plant, causality, speed, point):
     arm = DRIVERS["hands_off"]
 
     def make(*told):
-        return controllers.make("pid", *told)
+        return controllers.make("pid", *told, tuned=False)
 
     (found,) = assess(make, plant, causality, REFERENCE, [speed], {"hands_off": arm}, [point])
     environment, law, _, _ = halves("pid", plant, causality, speed, point, [arm])

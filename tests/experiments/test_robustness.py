@@ -33,7 +33,10 @@ def test_wrong_controllers_are_unsafe_and_the_right_one_is_not(plant, causality)
 
 
 def pid_at(plant, causality, speeds, **more):
-    return assess(lambda *told: controllers.make("pid", *told), plant, causality, REFERENCE, speeds, **more)
+    def make(*told):
+        return controllers.make("pid", *told, tuned=False)
+
+    return assess(make, plant, causality, REFERENCE, speeds, **more)
 
 
 def test_what_the_reference_cannot_do_is_not_held_against_a_controller():
@@ -72,7 +75,7 @@ def test_a_law_that_does_not_look_at_the_reference_does_not_care_what_it_is():
     """The EPAS map is one law: the same growth in both causalities, whatever the generator beside it does."""
 
     def make(*told):
-        return controllers.make("open_loop_map", *told)
+        return controllers.make("open_loop_map", *told, tuned=False)
 
     both = [assess(make, "EPAS", causality, REFERENCE, [15.0]) for causality in controllers.CAUSALITIES]
     for one, other in zip(*both, strict=True):

@@ -38,7 +38,7 @@ def spoilt(factor: float = 1.0, late: bool = False):
     """A maker of pid with its command times a factor, or ten periods late."""
 
     def make(plant, reference, causality):
-        pid = controllers.make("pid", plant, reference, causality)
+        pid = controllers.make("pid", plant, reference, causality, tuned=False)
         right = pid.law
 
         def law(o, x, p):
