@@ -126,7 +126,8 @@ def command(
     if as_json:
         print_json({k: v for k, v in summary.items() if k != "results"})
         return
-    print_table(*ranking_table([Standing(**row) for row in summary["ranking"]]), title="All systems")
+    proven = {gate["controller"] for gate in summary["gates"]}
+    print_table(*ranking_table([Standing(**row) for row in summary["ranking"]], proven), title="All systems")
     click.echo(f"Report: {out / 'report.html'}")
 
 
@@ -211,16 +212,22 @@ def csv_of(results: Sequence[Result]) -> str:
     return text.getvalue()
 
 
-def ranking_table(found: Sequence[Standing]) -> tuple[list[str], list[list[object]]]:
-    """Columns and rows of the ranking on stdout."""
+def ranking_table(found: Sequence[Standing], proven: set[str]) -> tuple[list[str], list[list[object]]]:
+    """Columns and rows of the ranking on stdout; ``proven`` are those with a linear proof."""
     columns = ["rank", "95 %", "controller", "JND", "95 % of JND", "best", "unstable", "gate"]
     rows: list[list[object]] = [
         [s.rank, f"{s.rank_interval[0]}-{s.rank_interval[1]}", s.controller, f"{s.score:.2f}",
          f"{s.score_interval[0]:.2f}-{s.score_interval[1]:.2f}", f"{100.0 * s.chance_of_best:.0f} %",
-         f"{s.unstable} of {s.cases}", "safe" if s.safe else f"unsafe: {s.why_unsafe[0]}"]
+         f"{s.unstable} of {s.cases}", _gate(s, proven)]
         for s in found
     ]  # fmt: skip
     return columns, rows
+
+
+def _gate(s: Standing, proven: set[str]) -> str:
+    if not s.safe:
+        return f"unsafe: {s.why_unsafe[0]}"
+    return "safe" if s.controller in proven else "stable in simulation, not proven (no pure law)"
 
 
 def short_table(found: Sequence[Verdict]) -> tuple[list[str], list[list[object]]]:
