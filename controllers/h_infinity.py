@@ -167,6 +167,7 @@ def torque_law(o: Observation, x: HInfinityState, p: HInfinityParameters) -> tup
     load = load + between(o.speed, p.schedule, p.instant) * (at - o.pinion_angle)
     surplus = assisted(o.torsion_bar_torque, felt) - load - felt.b_ref * x.rate - felt_friction
     acceleration = followed(surplus / felt.J_ref, o, felt, p)
+    acceleration = min(max(acceleration, -p.fastest), p.fastest)
     rate = x.rate + p.period * (acceleration - p.leak * (x.rate - o.pinion_rate))
     angle = x.angle + p.period * (0.5 * (x.rate + rate) - p.leak * (x.angle - o.pinion_angle))
     error = angle - o.pinion_angle

@@ -38,6 +38,7 @@ class HInfinityParameters(NamedTuple):
     M_fric: Annotated[float, Quantity("N m", "lower-body friction", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
     least_inertia: Annotated[float, Quantity("kg m2", "least felt inertia that is followed", 1e-4, 1.0, _A)]
+    fastest: Annotated[float, Quantity("rad/s2", "acceleration that is followed", 1.0, 1e5, "5 Hz at 17 deg")]
     return_rate: Annotated[float, Quantity("rad/s", "return of what was not, admittance", 0.0, 100.0, _A)]
     leak: Annotated[float, Quantity("1/s", "own motion towards the measured one, impedance", 0.0, 100.0, _A)]
     own: Annotated[float, Quantity("-", "x", 0.0, 1.0, _A)]
@@ -54,6 +55,7 @@ class HInfinityParameters(NamedTuple):
     angle_noise: Annotated[float, Quantity("rad", "noise of e", 1e-8, 0.1, _A)]
     torque_noise: Annotated[float, Quantity("N m", "noise of v_ff", 1e-5, 10.0, _A)]
     late: Annotated[float, Quantity("s", "delay counted with beyond the known one", 0.0, 0.1, _A)]
+    heavy: Annotated[float, Quantity("-", "inertia of the lower body counted with, over J_pin", 0.5, 2.0, _A)]
 
 
 def weights_for(plant: Plant, delay: float) -> Weights:
@@ -72,6 +74,7 @@ def weights_for(plant: Plant, delay: float) -> Weights:
         angle_noise=6.6e-6 if rack else 7e-7,
         torque_noise=0.0146 if rack else 0.034,
         late=0.01 * delay if rack else 0.0,
+        heavy=1.0,
     )
 
 
@@ -104,6 +107,7 @@ def design(
         output=np.empty(0),
         achieved=Achieved(*[np.nan] * len(Achieved._fields)),
         least_inertia=(0.62 if rack else 0.87) * weights.felt_inertia,
+        fastest=400.0,
         return_rate=(0.011 if rack else 0.016) / delay,
         leak=(0.06 if rack else 0.04) / delay,
         own=0.7 if rack else 0.55,

@@ -66,6 +66,7 @@ class Weights(NamedTuple):
     angle_noise: float
     torque_noise: float
     late: float
+    heavy: float
 
 
 class Felt(NamedTuple):
@@ -94,7 +95,7 @@ def ports(plant: Plant, felt: Felt, w: Weights, leak: float) -> Ports:
     """The generalised plant; ``leak`` in 1/s draws d and w to the measured motion (impedance)."""
     s, share = plant.steering, plant.rack_share
     J_0, r = arm_range(plant)
-    A, B, C, _ = plant_matrices(s, plant.motor, J_0 - s.J_s)
+    A, B, C, _ = plant_matrices(s._replace(J_pin=w.heavy * s.J_pin), plant.motor, J_0 - s.J_s)
     spring = share * felt.stiffness * s.J_pin
     ratio = STEEPEST / w.gain_bandwidth * math.sqrt(1.0 / w.gain_error - 1.0)
 
