@@ -11,7 +11,8 @@ acceleration that the reference has under the measured torque and what the lower
 
 The second is linear, of ten states, the same at every speed and assist: v = K (e, v_ff) from the
 angle error and the feed-forward, made by an H-infinity synthesis (h_infinity_plant: the weights;
-synthesis: the solver; h_infinity_design: from gamma to a sampled law, ``parameters.achieved``).
+synthesis: the solver; h_infinity_sampled: from gamma to a sampled law, ``parameters.achieved``).
+It goes on from the torque that was really sent, so that it does not wind up.
 
 Admittance: e is the reference angle less the measured one. Impedance: the reference's load is taken
 at the measured motion, the acceleration that the torque then gives it is integrated twice, leaking
@@ -19,8 +20,14 @@ towards the measured motion, and e is what lies between: the torque error withou
 in it.
 
 Where the assist is steep, torque moves the reference faster than a motor behind a delay can follow.
-The acceleration is therefore scaled down to that of ``least_inertia``; in admittance what is left out
-comes back slowly (``return_rate``).
+The acceleration is therefore held to that of ``least_inertia``; in admittance what is left out comes
+back slowly (``return_rate``).
+
+Where it ends: the reference's acceleration is fed forward by the nominal inertia. On a plant whose
+lower body is half as heavy again and whose commands come two periods later than told, what is left
+of the damping is used up off centre. Steer-by-wire in impedance: the angle is followed within a few
+per cent, which at the turning points, on the spring of the reference's friction, is more torque error
+than the laws that render torque at the measured motion have.
 """
 
 from __future__ import annotations
@@ -44,12 +51,18 @@ TUNABLE: dict[str, tuple[float, float]] = {
     "natural": (0.3, 3.0),
     "bandwidth": (0.5, 2.0),
     "integral": (0.3, 3.0),
-    "gain_error": (0.3, 3.0),
+    "gain_error": (0.3, 1.15),
     "gain_bandwidth": (0.5, 2.0),
     "inertia_error": (0.5, 2.0),
     "load": (0.3, 3.0),
     "torque_noise": (0.3, 5.0),
+    "late": (0.2, 4.0),
+    "heavy": (0.7, 1.4),
     "least_inertia": (0.5, 2.0),
+    "return_rate": (0.3, 3.0),
+    "leak": (0.3, 3.0),
+    "own": (0.2, 1.3),
+    "lead": (0.2, 3.0),
 }
 
 
@@ -161,8 +174,8 @@ def torque_law(o: Observation, x: HInfinityState, p: HInfinityParameters) -> tup
     seen_friction = dahl_step(x.seen_friction, o.pinion_angle - x.friction_angle, felt.M_fric_C, felt.c_fric)
     at = o.pinion_angle + p.own * (x.angle - o.pinion_angle) + p.lead * o.pinion_rate
     felt_friction = dahl_step(x.felt_friction, at - x.felt_angle, felt.M_fric_C, felt.c_fric)
-    # Springs that are answered late take damping away: load and friction are those at the law's own
-    # motion, from those at the measured one by what lies between.
+    # Springs that are answered late take damping away: load and friction are those between the
+    # measured motion and the law's own, which is ahead, and some way on.
     load = load_of(o, o.pinion_acceleration, o.pinion_rate, seen_friction, felt)
     load = load + between(o.speed, p.schedule, p.instant) * (at - o.pinion_angle)
     surplus = assisted(o.torsion_bar_torque, felt) - load - felt.b_ref * x.rate - felt_friction

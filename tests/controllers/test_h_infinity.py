@@ -219,4 +219,4 @@ def test_weights_are_checked():
         controllers.make("h_infinity", PLANTS["EPAS"], reference(), "impedance", accuracy=-1.0)
     with pytest.raises(InputError, match="there is no gain"):
         controllers.make("h_infinity", PLANTS["EPAS"], reference(), "impedance", speed=1.0)
-    assert weights_for(PLANTS["SbW"], total_delay(PLANTS["SbW"], PERIOD)).load > 0.0
+    assert weights_for(PLANTS["SbW"], False, total_delay(PLANTS["SbW"], PERIOD)).load > 0.0
