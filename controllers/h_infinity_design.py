@@ -78,8 +78,8 @@ def weights_for(plant: Plant, impedance: bool, delay: float) -> Weights:
         )  # fmt: skip
     return Weights(
         felt_inertia=0.0049, accuracy=56.0, natural=0.165 / delay, bandwidth=0.143 / delay, integral=1.03,
-        gain_error=0.86, gain_bandwidth=2.35 / delay, inertia_error=0.124, load=4.6,
-        angle_noise=3.7e-6, torque_noise=0.019, late=0.097 * delay, heavy=1.09,
+        gain_error=0.4, gain_bandwidth=2.35 / delay, inertia_error=0.124, load=4.6,
+        angle_noise=3.7e-6, torque_noise=0.019, late=0.047 * delay, heavy=1.09,
     )  # fmt: skip
 
 
