@@ -85,7 +85,7 @@ class Inner(NamedTuple):
 
 
 class HInfinityState(NamedTuple):
-    """Linear part with its last inputs (rad, N m), last command and for how long it was cut (N m, s), motion, frictions.
+    """Linear part, its last inputs (rad, N m), the last command and how long it was cut (N m, s), motion, frictions.
 
     ``angle``, ``rate`` and ``acceleration`` are a motion of the law's own (rad, rad/s, rad/s2); frictions
     are in N m: ``friction`` is the hardware's, ``seen_friction`` the reference's at the measured angle, both
