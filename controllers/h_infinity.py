@@ -11,7 +11,9 @@ acceleration that the reference has under the measured torque and what the lower
 
 The second is linear, of ten states, the same at every speed and assist: v = K (e, v_ff) from the
 angle error and the feed-forward, made by an H-infinity synthesis (h_infinity_plant: the weights;
-synthesis: the solver; h_infinity_design: from gamma to a sampled law, ``parameters.achieved``).
+synthesis: the solver; h_infinity_sampled: from gamma to a sampled law, ``parameters.achieved``).
+It goes on from the torque that was really sent, and takes no error in while limits cut that for long,
+so that it does not wind up.
 
 Admittance: e is the reference angle less the measured one. Impedance: the reference's load is taken
 at the measured motion, the acceleration that the torque then gives it is integrated twice, leaking
@@ -19,8 +21,14 @@ towards the measured motion, and e is what lies between: the torque error withou
 in it.
 
 Where the assist is steep, torque moves the reference faster than a motor behind a delay can follow.
-The acceleration is therefore scaled down to that of ``least_inertia``; in admittance what is left out
-comes back slowly (``return_rate``).
+The acceleration is therefore held to that of ``least_inertia``; in admittance what is left out comes
+back slowly (``return_rate``).
+
+Where it ends: the reference's acceleration is fed forward by the nominal inertia. On a plant whose
+lower body is half as heavy again and whose commands come two periods later than told, what is left
+of the damping is used up off centre. Steer-by-wire in impedance: the angle is followed within a few
+per cent, which at the turning points, on the spring of the reference's friction, is more torque error
+than the laws that render torque at the measured motion have.
 """
 
 from __future__ import annotations
@@ -37,6 +45,8 @@ from steer_env.physics._jit import scalar
 from steer_env.physics.friction import dahl_step
 from steer_env.plants import Plant, Reference
 
+CUT = 1e-3  # N m at the motor: a command cut by more than this met a limit, not a rounding
+LONG = 0.05  # s, assumption: longer than the slew rate cuts, shorter than a turn of the wheel
 # What tuning may change, as factors on the design's own values.
 TUNABLE: dict[str, tuple[float, float]] = {
     "felt_inertia": (0.5, 2.0),
@@ -44,12 +54,18 @@ TUNABLE: dict[str, tuple[float, float]] = {
     "natural": (0.3, 3.0),
     "bandwidth": (0.5, 2.0),
     "integral": (0.3, 3.0),
-    "gain_error": (0.3, 3.0),
+    "gain_error": (0.3, 2.4),
     "gain_bandwidth": (0.5, 2.0),
     "inertia_error": (0.5, 2.0),
     "load": (0.3, 3.0),
     "torque_noise": (0.3, 5.0),
+    "late": (0.2, 4.0),
+    "heavy": (0.7, 1.4),
     "least_inertia": (0.5, 2.0),
+    "return_rate": (0.3, 3.0),
+    "leak": (0.3, 3.0),
+    "own": (0.2, 1.3),
+    "lead": (0.2, 3.0),
 }
 
 
@@ -69,15 +85,18 @@ class Inner(NamedTuple):
 
 
 class HInfinityState(NamedTuple):
-    """Linear part with its last inputs (rad, N m); a motion of the law's own (rad, rad/s, rad/s2); frictions.
+    """Linear part, its last inputs (rad, N m), the last command and how long it was cut (N m, s), motion, frictions.
 
-    ``friction`` is the hardware's, ``seen_friction`` the reference's at the measured angle, both
+    ``angle``, ``rate`` and ``acceleration`` are a motion of the law's own (rad, rad/s, rad/s2); frictions
+    are in N m: ``friction`` is the hardware's, ``seen_friction`` the reference's at the measured angle, both
     follow ``friction_angle``; ``felt_friction`` is the reference's at its own angle.
     """
 
     inner: Inner = Inner()
     error: float = 0.0
     forward: float = 0.0
+    commanded: float = 0.0
+    cut: float = 0.0
     angle: float = 0.0
     rate: float = 0.0
     acceleration: float = 0.0
@@ -89,27 +108,39 @@ class HInfinityState(NamedTuple):
 
 
 @scalar
-def _row(i: int, v: float, x: HInfinityState, p: HInfinityParameters) -> float:
-    total: float = p.step[i, 10] * v + p.step[i, 11] * x.error + p.step[i, 12] * x.forward
+def _row(i: int, v: float, error: float, x: HInfinityState, p: HInfinityParameters) -> float:
+    total: float = p.step[i, 10] * v + p.step[i, 11] * error + p.step[i, 12] * x.forward
     for j in range(10):
         total += p.step[i, j] * x.inner[j]
     return total
 
 
 @scalar
-def inner_step(v: float, x: HInfinityState, p: HInfinityParameters) -> Inner:
-    """The linear part one period on from ``x``, in which it gave ``v`` in N m."""
+def cut_for(o: Observation, x: HInfinityState, p: HInfinityParameters) -> float:
+    """Seconds for which the motor's limits have been cutting the command."""
+    return x.cut + p.period if abs(o.last_torque_1 - x.commanded) > CUT else 0.0
+
+
+@scalar
+def inner_step(o: Observation, cut: float, x: HInfinityState, p: HInfinityParameters) -> Inner:
+    """The linear part one period on from ``x``, by the torque that was really sent.
+
+    Once the command has been ``cut`` for LONG no error is taken in: the error's integral would grow.
+    A short cut, as by the motor's slew rate, must not interrupt the loop.
+    """
+    v = p.motor_ratio * o.last_torque_1 - x.forward
+    error = 0.0 if cut > LONG else x.error
     return Inner(
-        _row(0, v, x, p),
-        _row(1, v, x, p),
-        _row(2, v, x, p),
-        _row(3, v, x, p),
-        _row(4, v, x, p),
-        _row(5, v, x, p),
-        _row(6, v, x, p),
-        _row(7, v, x, p),
-        _row(8, v, x, p),
-        _row(9, v, x, p),
+        _row(0, v, error, x, p),
+        _row(1, v, error, x, p),
+        _row(2, v, error, x, p),
+        _row(3, v, error, x, p),
+        _row(4, v, error, x, p),
+        _row(5, v, error, x, p),
+        _row(6, v, error, x, p),
+        _row(7, v, error, x, p),
+        _row(8, v, error, x, p),
+        _row(9, v, error, x, p),
     )
 
 
@@ -161,8 +192,8 @@ def torque_law(o: Observation, x: HInfinityState, p: HInfinityParameters) -> tup
     seen_friction = dahl_step(x.seen_friction, o.pinion_angle - x.friction_angle, felt.M_fric_C, felt.c_fric)
     at = o.pinion_angle + p.own * (x.angle - o.pinion_angle) + p.lead * o.pinion_rate
     felt_friction = dahl_step(x.felt_friction, at - x.felt_angle, felt.M_fric_C, felt.c_fric)
-    # Springs that are answered late take damping away: load and friction are those at the law's own
-    # motion, from those at the measured one by what lies between.
+    # Springs that are answered late take damping away: load and friction are those between the
+    # measured motion and the law's own, which is ahead, and some way on.
     load = load_of(o, o.pinion_acceleration, o.pinion_rate, seen_friction, felt)
     load = load + between(o.speed, p.schedule, p.instant) * (at - o.pinion_angle)
     surplus = assisted(o.torsion_bar_torque, felt) - load - felt.b_ref * x.rate - felt_friction
@@ -172,10 +203,11 @@ def torque_law(o: Observation, x: HInfinityState, p: HInfinityParameters) -> tup
     angle = x.angle + p.period * (0.5 * (x.rate + rate) - p.leak * (x.angle - o.pinion_angle))
     error = angle - o.pinion_angle
     forward = needed(acceleration, rate, load, friction, o, p)
-    inner = inner_step(p.motor_ratio * o.last_torque_1 - x.forward, x, p)
+    cut = cut_for(o, x, p)
+    inner = inner_step(o, cut, x, p)
     command = (forward + inner_output(inner, error, forward, p)) / p.motor_ratio
     frictions = friction, o.pinion_angle, felt_friction, at, seen_friction
-    return command, HInfinityState(inner, error, forward, angle, rate, 0.0, *frictions)
+    return command, HInfinityState(inner, error, forward, command, cut, angle, rate, 0.0, *frictions)
 
 
 @scalar
@@ -197,10 +229,11 @@ def angle_law(o: Observation, x: HInfinityState, p: HInfinityParameters) -> tupl
     load = load - between(o.speed, p.schedule, p.instant) * angle
     error = o.reference - angle - o.pinion_angle
     forward = needed(o.reference_acceleration - ahead, o.reference_rate - rate, load, friction, o, p)
-    inner = inner_step(p.motor_ratio * o.last_torque_1 - x.forward, x, p)
+    cut = cut_for(o, x, p)
+    inner = inner_step(o, cut, x, p)
     command = (forward + inner_output(inner, error, forward, p)) / p.motor_ratio
     frictions = friction, o.pinion_angle, felt_friction, o.reference, 0.0
-    return command, HInfinityState(inner, error, forward, angle, rate, ahead, *frictions)
+    return command, HInfinityState(inner, error, forward, command, cut, angle, rate, ahead, *frictions)
 
 
 def make(plant: Plant, reference: Reference, causality: str, **gains: Gain) -> LawController:

@@ -81,7 +81,8 @@ def synthesise(p: Problem) -> tuple[Controller, float]:
     A = q.A + q.B1 @ worst - G @ (q.C2 + q.D21 @ worst)
     if np.linalg.eigvals(A).real.max() >= 0.0:
         raise InputError("h_infinity", "the controller's observer is unstable", "ask for less: a lower bandwidth, say")
-    return Controller(np.asarray(A), p.B2, np.asarray(G @ noise), np.asarray(F / size)), gamma
+    B_y: Matrix = (G @ noise).astype(np.float64)
+    return Controller(A, p.B2, B_y, F / size), gamma
 
 
 def _balance(p: Problem) -> Matrix:

@@ -1,9 +1,10 @@
 """h_infinity: its gamma, its robustness to the arm, the steps from synthesis to law, and what it is good for."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import product
 
+import control
 import numpy as np
 import pytest
 
@@ -50,15 +51,15 @@ def problem_of(plant, causality):
     return ports, h_infinity_plant.problem(ports, time)
 
 
-def norm_of(A, B, C, bounds):
-    """H-infinity norm without a grid: below it the Hamiltonian matrix has eigenvalues on the imaginary axis."""
-    low, high = bounds
-    while high > 1.001 * low:
-        g = np.sqrt(low * high)
-        values = np.linalg.eigvals(np.block([[A, B @ B.T / g**2], [-C.T @ C, -A.T]]))
-        crosses = (np.abs(values.real) < 1e-9 * np.abs(values)).any()
-        low, high = (g, high) if crosses else (low, g)
-    return high
+def norm_of(q, k, omega):
+    """Largest singular value of the loop over omega [f] in rad/s, closed by python-control."""
+    n_w, n_z = q.B1.shape[1], len(q.C1)
+    D = np.block([[np.zeros((n_z, n_w)), q.D12], [q.D21, np.zeros((len(q.C2), 1))]])
+    plant = control.ss(q.A, np.hstack([q.B1, q.B2]), np.vstack([q.C1, q.C2]), D)
+    law = control.ss(k.A + k.B_u @ k.C, k.B_y, k.C, np.zeros((1, len(q.C2))))
+    loop = plant.lft(law)
+    assert loop.poles().real.max() < 0.0
+    return np.linalg.svd(np.moveaxis(loop(1j * omega), 2, 0), compute_uv=False).max()
 
 
 @pytest.mark.parametrize(("plant", "causality"), LOOPS)
@@ -68,9 +69,9 @@ def test_the_gamma_reported_is_the_norm_of_the_loop(plant, causality):
     ports, q = problem_of(plant, causality)
     full, gamma = synthesis.synthesise(q)
     assert gamma == achieved.gamma
-    exact = norm_of(*synthesis.closed(q, full), (0.1 * gamma, 10.0 * gamma))
-    assert achieved.gamma_full <= exact * 1.001 <= gamma * 1.002
-    assert achieved.gamma_full == pytest.approx(exact, rel=0.01)
+    exact = norm_of(q, full, np.geomspace(0.02, 3000.0, 3000))
+    assert exact <= gamma * 1.001
+    assert achieved.gamma_full == pytest.approx(exact, rel=0.005)
     assert achieved.gamma_reduced < 1.15 * achieved.gamma_full
     assert achieved.order == ORDER < achieved.order_full
     # Sampled: another grid, and the loop's own eigenvalues.
@@ -107,8 +108,6 @@ def test_what_truncation_changes_keeps_to_its_bound(plant, causality):
 def test_the_arm_cannot_make_the_loop_unstable(plant, causality):
     """The small-gain number, and the program's own loop with arms of any inertia up to the heaviest."""
     assert made(plant, causality).parameters.achieved.arm < 1.0
-    ports, _ = problem_of(plant, causality)
-    assert ports.C[5:7].shape[0] == 2
     arms = [Driver(J, 4.0, 7.0) for J in np.linspace(0.0, ARM_LIMIT, 6)] + [DRIVERS["robot"]]
     for speed, point in product((45.0, 105.0), POINTS):
         place = place_of(PLANTS[plant], causality, reference(), speed, point)
@@ -123,10 +122,14 @@ def test_the_arm_is_bounded_by_what_the_design_says():
     J_s = PLANTS["EPAS"].steering.J_s
     assert J_0 / (1.0 + r) == pytest.approx(J_s)
     assert J_0 / (1.0 - r) == pytest.approx(J_s + ARM_LIMIT)
+    # A quick torque of the hand moves the wheel alone: the bar gets its spring and damper times that, and r of it is
+    # the result.
     ports, _ = problem_of("EPAS", "admittance")
-    # A constant torque of the hand on a wheel that is held in place passes the bar as a whole.
-    still = ports.C @ np.linalg.solve(-ports.A, ports.B) + ports.D
-    assert np.isfinite(still[RESULTS.index("arm"), DISTURBANCES.index("hand")])
+    w = 1e5j
+    quick = ports.C @ np.linalg.solve(w * np.eye(len(ports.A)) - ports.A, ports.B) + ports.D
+    s = PLANTS["EPAS"].steering
+    through = r * (s.c_tb + s.b_tb * w) / (J_0 * w * w)
+    assert quick[RESULTS.index("arm"), DISTURBANCES.index("hand")] == pytest.approx(through, rel=1e-3)
 
 
 @pytest.mark.parametrize(("plant", "causality"), LOOPS)
@@ -160,34 +163,33 @@ def test_plants_of_the_spread_with_their_dead_times():
         assert unstable("h_infinity", plant, causality) <= unstable("pid", plant, causality), (plant, causality)
 
 
-@pytest.mark.parametrize(("plant", "share"), [("EPAS", 0.5), ("SbW", 0.7)])
-def test_the_angle_is_followed_better_than_by_pid(plant, share):
-    """What the sensed torque in the position loop is for."""
+@pytest.mark.parametrize("plant", PLANTS)
+def test_the_angle_is_followed_twice_as_well_as_by_pid(plant):
+    """What the sensed torque in the position loop is for; both with the gains of their own formulas."""
 
     def error(name):
         case = Case(plant, "admittance", name, 75.0, "frequency_response", "relaxed")
-        return result_of(case, reference(), 1)["scores"]["frf_complex"]
+        result = result_of(case, reference(), 1, make=partial(controllers.make, name, tuned=False))
+        return result["scores"]["frf_complex"]
 
-    assert error("h_infinity") < share * error("pid")
+    assert error("h_infinity") < 0.5 * error("pid")
 
 
 def test_it_does_not_wind_up():
-    """A motor too weak for the first seconds: once it is strong enough the angle is back within a second.
+    """A motor too weak for what is asked: half a second after its limit the angle is back.
 
-    The law goes on from the torque that was really sent; a law that believed its own would come back late
-    or not at all.
+    Without the torque that was really sent, or with the error's integral going on, it swings between
+    the limits for good.
     """
-    weak = replace(PLANTS["SbW"], motor=PLANTS["SbW"].motor._replace(rated_torque=3.0))
+    weak = replace(PLANTS["SbW"], motor=PLANTS["SbW"].motor._replace(rated_torque=2.0))
     task = Task(weak, "admittance", reference(), manoeuvre="release", speed_kmh=75.0, duration=8.0)
     controller = controllers.make("h_infinity", weak, reference(), "admittance", tuned=False)
     episode = run(task, controller, seed=1)
-    assert episode.stable
-    limited = np.abs(episode["command"]) >= 0.999 * 3.0
-    assert limited.any(), "the motor was never too weak"
-    last = np.flatnonzero(limited)[-1]
-    after = np.abs(episode["error"][last + 1000 :])
-    assert after.size > 500
-    assert after.max() < np.radians(1.0)
+    limited = np.flatnonzero(np.abs(episode["command"]) >= 0.999 * 2.0)
+    assert limited.size > 1000, "the motor was hardly too weak"
+    after = np.abs(episode["error"][limited[-1] + 500 :])
+    assert after.size > 1000
+    assert after.max() < 0.01 * np.abs(episode["error"]).max()
 
 
 def test_equal_designs_are_found_once():
@@ -211,7 +213,8 @@ def test_other_periods_and_a_plant_without_delay():
     for plant, period in ((prompt, 1e-3), (PLANTS["EPAS"], 2e-3)):
         law = controllers.make("h_infinity", plant, reference(), "admittance", tuned=False)
         law.reset(period)
-        assert law.parameters.achieved.gamma_sampled < 4.0
+        achieved = law.parameters.achieved
+        assert achieved.gamma_sampled < 2.0 * achieved.gamma
 
 
 def test_weights_are_checked():
@@ -219,4 +222,4 @@ def test_weights_are_checked():
         controllers.make("h_infinity", PLANTS["EPAS"], reference(), "impedance", accuracy=-1.0)
     with pytest.raises(InputError, match="there is no gain"):
         controllers.make("h_infinity", PLANTS["EPAS"], reference(), "impedance", speed=1.0)
-    assert weights_for(PLANTS["SbW"], total_delay(PLANTS["SbW"], PERIOD)).load > 0.0
+    assert weights_for(PLANTS["SbW"], False, total_delay(PLANTS["SbW"], PERIOD)).load > 0.0
