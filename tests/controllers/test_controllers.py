@@ -132,7 +132,7 @@ def test_wrong_names_and_gains_say_how_to_mend_them():
 
 def test_the_integral_does_not_wind_up():
     """Two seconds of a torque that the motor cannot give must leave nothing in the integral."""
-    controller = made("pid", "SbW", "impedance", True)
+    controller = made("pid", "SbW", "impedance", True, tuned=False)
     limit = PLANTS["SbW"].motor.rated_torque
     held = Observation(*[0.0] * 13)._replace(speed=20.0, effective_torque=200.0, last_torque_1=-limit)
     torques(controller, [held] * 2000)

@@ -118,7 +118,7 @@ def test_it_works_around_every_row_and_hardly_costs_tracking(name, plant, causal
 
 @pytest.mark.parametrize(
     ("plant", "causality", "dead_time", "driver"),
-    [("EPAS", "impedance", 4, "one_hand_light"), ("EPAS", "admittance", 4, "relaxed"),
+    [("EPAS", "impedance", 5, "one_hand_light"), ("EPAS", "admittance", 4, "relaxed"),
      ("SbW", "admittance", 8, "hands_off")],
 )  # fmt: skip
 def test_it_quiets_what_a_delay_makes_active(own, plant, causality, dead_time, driver):
