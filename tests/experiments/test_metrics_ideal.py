@@ -21,7 +21,7 @@ def driven(plant, causality, manoeuvre, law="pid", speed_kmh=75.0, driver="relax
     reference = Reference.load("published", linear_reference)
     task = Task(plant, causality, reference, None, None, manoeuvre, speed_kmh, driver, **options)
     made = plant if isinstance(plant, str) else plant.name
-    controller = controllers.make(law, PLANTS[made], reference, causality)
+    controller = controllers.make(law, PLANTS[made], reference, causality, tuned=False)
     return Trial(run(task, controller, 0, 0.5), causality, linear_reference, manoeuvre)
 
 
