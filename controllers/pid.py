@@ -116,6 +116,17 @@ def load_seen(o: Observation, motor_torque: float, friction: float, p: Any) -> f
 
 
 @scalar
+def foretold(acceleration: float, o: Observation, felt: Felt, p: Any) -> float:
+    """What M_eff gains in N m until the command acts.
+
+    What is measured is late and what is commanded acts late: stiffness and damping are taken where the
+    pinion will be. The acceleration cannot be foretold.
+    """
+    ahead: float = p.prediction * (felt.stiffness * o.pinion_rate + felt.b_ref * acceleration)
+    return ahead
+
+
+@scalar
 def steep_share(slope: float, p: Any) -> float:
     """How far an angle law yields to rendering torque: not at all up to ``slope_limit`` of the assist.
 
@@ -141,9 +152,7 @@ def torque_law(o: Observation, x: PidState, p: PidParameters) -> tuple[float, Pi
     # gets the filtered one.
     lack = least_damping(felt, p)
     damping = (1.0 - p.bar_damping) * lack * o.pinion_rate
-    # What is measured is late and what is commanded acts late: stiffness and damping are taken where
-    # the pinion will be. The acceleration cannot be foretold.
-    ahead = p.prediction * (felt.stiffness * o.pinion_rate + felt.b_ref * a_2)
+    ahead = foretold(a_2, o, felt, p)
     wanted = torque_of(o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2) + damping + ahead, felt)
 
     gain = matched_gain(felt, p)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from controllers.blocks import aged_command, assist_slope, low_pass, torque_of
-from controllers.pid import load_of, load_seen, steep_share
+from controllers.pid import foretold, load_of, load_seen, steep_share
 from controllers.schedule import Felt
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
@@ -72,9 +72,7 @@ def torque_target(o: Observation, felt: Felt, motion: MotionState, p: Any) -> Ta
     a_2 = motion.acceleration_2
     load = load_of(o, o.pinion_acceleration, o.pinion_rate, motion.felt_friction, felt)
     # The wide-band acceleration would close a loop around the motor's own torque.
-    # What is measured is late and what is commanded acts late: stiffness and damping are taken where
-    # the pinion will be. The acceleration cannot be foretold.
-    ahead = p.prediction * (felt.stiffness * o.pinion_rate + felt.b_ref * a_2)
+    ahead = foretold(a_2, o, felt, p)
     wanted = torque_of(o.effective_torque - felt.J_ref * (o.pinion_acceleration - a_2) + ahead, felt)
     # Off centre the felt inertia is small; cancelling more of the hardware's would leave a body
     # without inertia behind a delay.
@@ -86,8 +84,9 @@ def torque_target(o: Observation, felt: Felt, motion: MotionState, p: Any) -> Ta
 @scalar
 def loop_gain(o: Observation, felt: Felt, p: Any) -> float:
     """What torque comes back per torque in an angle law: the reference's acceleration, and what it yields to."""
-    steep = steep_share(assist_slope(o.torsion_bar_torque, felt), p)
-    return (1.0 - steep) * assist_slope(o.torsion_bar_torque, felt) + steep * (1.0 + gain_at(felt, p))
+    slope = assist_slope(o.torsion_bar_torque, felt)
+    steep = steep_share(slope, p)
+    return (1.0 - steep) * slope + steep * (1.0 + gain_at(felt, p))
 
 
 @scalar
