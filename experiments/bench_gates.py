@@ -15,18 +15,15 @@ from typing import Any
 
 import controllers
 from experiments import robustness
-from experiments.assessment import assess
 from experiments.bench_cases import Maker
 from experiments.law_half import law_half
 from experiments.linear_loop import Half, closed_loop, environment_half, modes
-from experiments.loop_simulation import confirm, worst_stuck
 from experiments.operating_points import POINTS, Place, place_of
 from experiments.perfect_tracking import growths
 from steer_env.plants import DRIVERS, PLANTS, Reference
 
 Result = dict[str, Any]
 Advance = Callable[..., None]
-Findings = robustness.Findings
 Where = tuple[str, str, float, str]  # plant, causality, km/h, arm
 
 
@@ -45,12 +42,12 @@ def gates_of(
     plain = tuple(name for name in names if name not in makers and has_law(partial(controllers.make, name), reference))
     own = {name: make for name, make in makers.items() if has_law(make, reference)}
     systems = [robustness.System(plant, causality, plain, reference, speeds) for plant, causality in places]
-    found: list[list[Findings]] = []
+    found: list[list[robustness.Findings]] = []
     for done in robustness.each_system(systems, jobs) if plain else ():
         found.append(done)
         advance(note="proof")
     for name, make in own.items():
-        found.append([_findings(name, make, plant, causality, reference, speeds) for plant, causality in places])
+        found.append([robustness.findings_of(name, make, *place, reference, speeds) for place in places])
     proof = robustness.summary_of(found, reference.source)
     weak = {_place(a) for a in proof["assessments"] if not a["reference_stable"]}
     gates = {name: [*_failures(name, proof), *unstable_episodes(name, results, weak)] for name in names}
@@ -105,14 +102,6 @@ def _surroundings(
         place = place_of(told, causality, reference, speed_kmh, point, replace(told, motor=motor))
         _kept[key] = place, environment_half(place, arms), growths(place, arms).tolist()
     return _kept[key]
-
-
-def _findings(
-    name: str, make: Maker, plant: str, causality: str, reference: Reference, speeds_kmh: Sequence[float]
-) -> Findings:
-    values = assess(make, plant, causality, reference, speeds_kmh)
-    controller = make(PLANTS[plant], reference, causality)
-    return Findings(name, values, confirm(controller, PLANTS[plant], reference, worst_stuck(values)))
 
 
 def _failures(name: str, proof: Mapping[str, Any]) -> list[str]:

@@ -13,6 +13,7 @@ import json
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
@@ -22,7 +23,7 @@ import click
 
 import controllers
 from experiments.arm_radius import SCALES
-from experiments.assessment import Assessment, assess
+from experiments.assessment import Assessment, Make, assess
 from experiments.cli_options import common_options, print_json, print_table, progress
 from experiments.linear_loop import AT_REST
 from experiments.loop_simulation import Confirmation, confirm, worst_stuck
@@ -57,17 +58,20 @@ class Findings(NamedTuple):
 
 def findings(system: System) -> list[Findings]:
     """Assess the controllers one after the other and simulate the worst place of each."""
-    reference, plant = Reference.load(system.source), PLANTS[system.plant]
-    found = []
-    for name in system.names:
+    reference = Reference.load(system.source)
+    return [
+        findings_of(name, partial(controllers.make, name), system.plant, system.causality, reference, system.speeds_kmh)
+        for name in system.names
+    ]
 
-        def make(*told: Any, name: str = name) -> Any:
-            return controllers.make(name, *told)
 
-        values = assess(make, plant, system.causality, reference, system.speeds_kmh)
-        controller = make(plant, reference, system.causality)
-        found.append(Findings(name, values, confirm(controller, plant, reference, worst_stuck(values))))
-    return found
+def findings_of(
+    name: str, make: Make, plant: str, causality: str, reference: Reference, speeds_kmh: Sequence[float]
+) -> Findings:
+    """Of one controller, under the name that it is told by."""
+    values = assess(make, plant, causality, reference, speeds_kmh)
+    controller = make(PLANTS[plant], reference, causality)
+    return Findings(name, values, confirm(controller, PLANTS[plant], reference, worst_stuck(values)))
 
 
 @click.command()
