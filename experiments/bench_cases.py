@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 import controllers
-from experiments.bench_plots import compact_plot
+from experiments.bench_plots import compact_plot, last_cycle
+from experiments.measures import Array
 from experiments.metrics import Trial, analytic_response, score
 from experiments.rollout import Episode, run
 from steer_env.envs.layout import CarSpread
@@ -166,28 +167,18 @@ def result_of(
     if case.split or case.manoeuvre == FAST_CHIRP:
         plot = compact_plot(trial) if case.draw == 0 else {}
     else:
-        plot = _response(trial) if case.manoeuvre == MANOEUVRES[0] else _loops(trial)
+        arrays = _response(trial) if case.manoeuvre == MANOEUVRES[0] else last_cycle(trial, LOOP_POINTS)
+        plot = {name: values.tolist() for name, values in arrays.items()}
     return {**result, "scores": scores, "plot": plot}
 
 
-def _response(trial: Trial) -> dict[str, Any]:
+def _response(trial: Trial) -> dict[str, Array]:
     H = trial.response
-    plot = {"frequency_Hz": H.frequency, "coherence": H.coherence}
+    plot: dict[str, Array] = {"frequency_Hz": H.frequency, "coherence": H.coherence}
     for name, value in (("achieved", H.value), ("reference", trial.reference_response)):
         plot[f"{name}_real"], plot[f"{name}_imag"] = value.real, value.imag
     if trial.linear:
         fine = np.geomspace(0.2, 5.0, 120)
         exact = analytic_response(trial.episode, fine)
         plot |= {"exact_Hz": fine, "exact_real": exact.real, "exact_imag": exact.imag}
-    return {name: values.tolist() for name, values in plot.items()}
-
-
-def _loops(trial: Trial) -> dict[str, Any]:
-    plot = {}
-    for name, of_ideal in (("achieved", False), ("reference", True)):
-        angle, torque = trial.loop(of_ideal)
-        cycle = round(1.0 / trial.episode.part("manoeuvre").frequency / 1e-3)
-        step = max(cycle // LOOP_POINTS, 1)
-        plot[f"{name}_angle_deg"] = np.degrees(angle[-cycle - 1 :: step]).tolist()
-        plot[f"{name}_torque_Nm"] = torque[-cycle - 1 :: step].tolist()
     return plot

@@ -8,13 +8,14 @@ import numpy as np
 
 from experiments.measures import Array
 from experiments.metrics import Trial
+from experiments.metrics_row import SINES
 from experiments.metrics_trial import Compared
+from steer_env.envs.layout import PERIOD
 from steer_env.units import to_deg
 
 RESPONSE_POINTS = 40
 LOOP_POINTS = 60  # per cycle
 TRACE_POINTS = 100
-SINES = ("steady_state", "on_centre_weave")
 
 
 def compact_plot(trial: Trial) -> dict[str, Any]:
@@ -23,7 +24,9 @@ def compact_plot(trial: Trial) -> dict[str, Any]:
         return _response(trial.slow_response)
     if trial.manoeuvre == "high_frequency_response":
         return _response(trial.fast_response)
-    return _loop(trial) if trial.manoeuvre in SINES else _trace(trial)
+    if trial.manoeuvre in SINES:
+        return {name: rounded(values) for name, values in last_cycle(trial, LOOP_POINTS).items()}
+    return _trace(trial)
 
 
 def _response(found: Compared) -> dict[str, Any]:
@@ -39,15 +42,16 @@ def _response(found: Compared) -> dict[str, Any]:
     }
 
 
-def _loop(trial: Trial) -> dict[str, Any]:
-    cycle = round(1.0 / trial.episode.part("manoeuvre").frequency / 1e-3)
-    step = max(cycle // LOOP_POINTS, 1)
-    plot = {}
+def last_cycle(trial: Trial, points: int) -> dict[str, Array]:
+    """Loop of the last cycle of a sine, achieved and of the reference, at about so many points."""
+    cycle = round(1.0 / trial.episode.part("manoeuvre").frequency / PERIOD)
+    step = max(cycle // points, 1)
+    found = {}
     for name, of_ideal in (("achieved", False), ("reference", True)):
         angle, torque = trial.loop(of_ideal)
-        plot[f"{name}_angle_deg"] = rounded(to_deg(1.0) * angle[-cycle - 1 :: step])
-        plot[f"{name}_torque_Nm"] = rounded(torque[-cycle - 1 :: step])
-    return plot
+        found[f"{name}_angle_deg"] = np.degrees(angle[-cycle - 1 :: step])
+        found[f"{name}_torque_Nm"] = torque[-cycle - 1 :: step]
+    return found
 
 
 def _trace(trial: Trial) -> dict[str, Any]:
