@@ -67,5 +67,11 @@ class Model(Protocol):
     def simulate(self, record: Record, values: Values, present: Present) -> Mapping[str, Floats]:
         """Predicted output channels [n] of a record, measurement errors of ``present`` included."""
 
+    def judged(self, outputs: Mapping[str, Floats]) -> Mapping[str, Floats]:
+        """Fixed linear combinations of output channels in which errors are judged, from measured or predicted ones.
+
+        Two sensors of one quantity are better judged by their difference, in which what disturbs both is gone.
+        """
+
     def states(self, record: Record) -> Mapping[str, Floats]:
         """Measured quantities [n] against which symptoms are looked for: angle, rate, torque, lateral acceleration."""

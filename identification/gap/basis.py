@@ -1,0 +1,119 @@
+"""Records in frequency: cosine transforms of what is judged, and what noise and model error may make of them.
+
+The cosine transform of a stretch of stationary noise has nearly independent coefficients, and unlike a Fourier
+transform it minds no jump between the end and the start. Coefficient k of T seconds belongs to k / 2T hertz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import dct
+
+from identification.frf import Floats
+from identification.gap.model import Model, Record
+
+BANDS_PER_OCTAVE = 3
+SPREAD_OCTAVES = 0.5  # over which a model error is let into neighbouring frequencies: a factor of e in power
+QUIET_TOP = 0.75  # without repeats, what lies above this share of the band counts as noise
+
+
+@dataclass(frozen=True)
+class Band:
+    """The judged coefficients of a record: ``frequency`` [k] in Hz."""
+
+    keep: slice
+    frequency: Floats
+
+    def of(self, signals: Mapping[str, Floats], names: Sequence[str]) -> Floats:
+        """Coefficients [channels, k]; not a number in rows whose channel is not there."""
+        rows = np.full((len(names), self.frequency.size), np.nan)
+        for row, name in enumerate(names):
+            if name in signals:
+                rows[row] = dct(signals[name][self.keep], norm="ortho")[: self.frequency.size]
+        return rows
+
+
+def band_of(record: Record, band_Hz: float) -> Band:
+    """What is judged of a record up to ``band_Hz``."""
+    n = record.keep.stop - record.keep.start
+    step = 0.5 / (n * record.dt)
+    count = min(n, int(min(band_Hz, 0.4 / record.dt) / step) + 1)
+    return Band(record.keep, step * np.arange(count))
+
+
+def octave_bands(frequency: Floats) -> Floats:
+    """Index [k] of a logarithmic band for every coefficient, constants with the lowest."""
+    lowest = max(float(frequency[1]) if frequency.size > 1 else 1.0, 1e-6)
+    index: Floats = np.floor(BANDS_PER_OCTAVE * np.log2(np.maximum(frequency, lowest) / 0.05) + 1e-9)
+    return index
+
+
+class NoiseSpectrum:
+    """Noise power of each judged channel over frequency, from the deviations of repeats.
+
+    ``from_repeats``: False where no record has repeats; the noise is then the flat floor found near the upper end of
+    the band, where no manoeuvre excites.
+    """
+
+    def __init__(self, model: Model, records: Sequence[Record], names: Sequence[str]) -> None:
+        self.names = list(names)
+        sums: dict[tuple[int, int], list[float]] = {}
+        self.from_repeats = any(len(record.repeats) > 1 for record in records)
+        for record in records:
+            band = band_of(record, model.band_Hz)
+            if self.from_repeats and len(record.repeats) < 2:
+                continue
+            runs = np.array([band.of(model.judged(repeat), names) for repeat in record.repeats])
+            freedom = len(runs) - 1 if self.from_repeats else 1
+            power = _deviation(runs) if self.from_repeats else _floor(runs[0], band.frequency)
+            index = octave_bands(band.frequency)
+            for row in np.flatnonzero(~np.isnan(power[:, 0])):
+                for k in np.unique(index):
+                    entry = sums.setdefault((int(row), int(k)), [0.0, 0.0])
+                    entry[0] += float(power[row, index == k].sum()) * freedom
+                    entry[1] += float(np.count_nonzero(index == k)) * freedom
+        self._power = {key: total / count for key, (total, count) in sums.items()}
+
+    def at(self, record: Record, frequency: Floats) -> Floats:
+        """Power [channels, k] of the noise in the mean of a record's repeats."""
+        index = octave_bands(frequency)
+        rows = np.full((len(self.names), frequency.size), np.nan)
+        for row in range(len(self.names)):
+            known = sorted(k for r, k in self._power if r == row)
+            if known:
+                levels = np.log([max(self._power[row, k], 1e-300) for k in known])
+                rows[row] = np.exp(np.interp(index, known, levels))
+        return rows / max(len(record.repeats), 1)
+
+
+def _deviation(runs: Floats) -> Floats:
+    """Variance [channels, k] between repeats [repeats, channels, k]."""
+    variance: Floats = np.sum((runs - runs.mean(axis=0)) ** 2, axis=0) / (len(runs) - 1.0)
+    return variance
+
+
+def _floor(coefficients: Floats, frequency: Floats) -> Floats:
+    """Flat power [channels, k] near the upper end of the band; the median of a square is 0.455 of its mean."""
+    top = frequency > QUIET_TOP * frequency[-1]
+    level = np.median(coefficients[:, top] ** 2, axis=1) / 0.455
+    return np.repeat(level[:, None], frequency.size, axis=1)
+
+
+def spread_power(coefficients: Floats, frequency: Floats) -> Floats:
+    """Power [channels, k] of a signal, let into neighbouring frequencies as far as a model error may spread it."""
+    octave = np.log2(np.maximum(frequency, float(frequency[min(1, frequency.size - 1)])))
+    index = np.floor(octave / 0.125).astype(int)
+    bins, place = np.unique(index, return_inverse=True)
+    count = np.bincount(place).astype(float)
+    distance = np.abs(bins[:, None] - bins[None, :]) * 0.125
+    kernel = np.exp(-distance / SPREAD_OCTAVES)
+    spread = np.empty_like(coefficients)
+    for row, values in enumerate(coefficients):
+        power = np.bincount(place, weights=np.nan_to_num(values) ** 2)
+        density = kernel @ power / (kernel @ count)
+        spread[row] = density[place]
+    spread[np.isnan(coefficients)] = np.nan
+    return spread

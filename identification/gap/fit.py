@@ -1,0 +1,217 @@
+"""Least squares over all records and channels at once: nominal unknowns, with or without effects.
+
+Everything happens on cosine coefficients (``basis``): a prediction is a list of arrays [channels, k], one per record,
+and a Jacobian one such list per parameter. Weights change without simulating anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from identification.frf import Floats
+from identification.gap.basis import Band, NoiseSpectrum, band_of, spread_power
+from identification.gap.model import Model, Record, Unknown
+from steer_env.physics.effects import Effect
+from steer_env.units import quantities
+
+ROUGH, FINE = 12, 8  # largest numbers of steps of a first fit and of a refit
+TOLERANCE = 2e-4
+SHAPE_PRIOR = 1.0  # of the logarithm of a shape parameter around the middle of its plausible range
+FAR = 5.0  # prior of an amplitude: this many times the largest plausible one, only to keep singular fits still
+Columns = list[Floats | None]
+
+
+class Solution(NamedTuple):
+    """Fitted parameters by name, their covariance on the search scale, and what they predict."""
+
+    unknowns: tuple[Unknown, ...]
+    x: Floats
+    covariance: Floats
+    predicted: list[Floats]
+    jacobian: list[Columns]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameter values in their units."""
+        return {u.name: float(np.exp(v) if u.log else v) for u, v in zip(self.unknowns, self.x, strict=True)}
+
+    def interval(self, name: str, inflate: float = 1.0) -> tuple[float, float]:
+        """95 % interval of a parameter in its unit."""
+        k = [u.name for u in self.unknowns].index(name)
+        half = 1.96 * inflate * float(np.sqrt(self.covariance[k, k]))
+        low, high = float(self.x[k]) - half, float(self.x[k]) + half
+        return (float(np.exp(low)), float(np.exp(high))) if self.unknowns[k].log else (low, high)
+
+
+def effect_unknowns(effect: Effect, probe: Mapping[str, float]) -> tuple[tuple[Unknown, ...], dict[str, float]]:
+    """The parameters of an effect as unknowns named "effect.parameter", and the probe as values to search from.
+
+    Amplitudes are believed near "absent", so weakly that only a singular fit would notice.
+    """
+    found, start = [], {}
+    for name, quantity in quantities(effect.parameters).items():
+        value = float(getattr(effect.at(probe), name))
+        plausible = effect.plausible.get(name)
+        log = name != effect.amplitude and value > 0.0 and not (plausible is not None and plausible.signed)
+        size = max(abs(plausible.low), abs(plausible.high)) if plausible is not None else abs(value)
+        absent = float(getattr(effect.absent(), name))
+        near = absent if name == effect.amplitude and abs(absent) < FAR * size else value
+        label = f"{effect.name}.{name}"
+        prior = SHAPE_PRIOR if log else FAR * max(size, 1e-12)
+        found.append(Unknown(label, near, quantity.low, quantity.high, prior, log))
+        start[label] = value
+    return tuple(found), start
+
+
+def present_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Effects that are on, from values by "effect.parameter"."""
+    present: dict[str, dict[str, float]] = {}
+    for name, value in values.items():
+        effect, dot, parameter = name.partition(".")
+        if dot:
+            present.setdefault(effect, {})[parameter] = value
+    return present
+
+
+@dataclass
+class Judge:
+    """The records of one role in cosine coefficients; ``error`` [channels] is the relative model error allowed for."""
+
+    model: Model
+    records: Sequence[Record]
+    noise: NoiseSpectrum
+    names: Sequence[str]
+    jobs: int = 1
+    bands: list[Band] = field(init=False)
+    measured: list[Floats] = field(init=False)
+    noise_power: list[Floats] = field(init=False)
+    signal_power: list[Floats] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.bands = [band_of(record, self.model.band_Hz) for record in self.records]
+        self.measured = [
+            band.of(self.model.judged(record.outputs), self.names)
+            for record, band in zip(self.records, self.bands, strict=True)
+        ]
+        self.noise_power = [self.noise.at(r, b.frequency) for r, b in zip(self.records, self.bands, strict=True)]
+        self.signal_power = [spread_power(m, b.frequency) for m, b in zip(self.measured, self.bands, strict=True)]
+
+    def predict(self, values: Mapping[str, float]) -> list[Floats]:
+        """Predicted coefficients [channels, k] of each record."""
+        everything = range(len(self.records))
+        return [part for part in self._predictions([values], [everything])[0] if part is not None]
+
+    def _predictions(self, many: Sequence[Mapping[str, float]], wanted: Sequence[Sequence[int]]) -> list[Columns]:
+        """For each set of values the predictions of the records wanted, None for the others."""
+        tasks = [(k, i) for k in range(len(many)) for i in wanted[k]]
+        presents = [present_of(values) for values in many]
+
+        def one(task: tuple[int, int]) -> Floats:
+            k, i = task
+            outputs = self.model.simulate(self.records[i], many[k], presents[k])
+            return self.bands[i].of(self.model.judged(outputs), self.names)
+
+        if self.jobs > 1 and len(tasks) > 1:
+            with ThreadPoolExecutor(max_workers=self.jobs) as pool:
+                done = list(pool.map(one, tasks))
+        else:
+            done = [one(task) for task in tasks]
+        result: list[Columns] = [[None] * len(self.records) for _ in many]
+        for (k, i), coefficients in zip(tasks, done, strict=True):
+            result[k][i] = coefficients
+        return result
+
+    def variance(self, error: Floats) -> list[Floats]:
+        """Power [channels, k] that a residual may have: noise, and model errors of relative size ``error``."""
+        return [
+            noise + (error**2)[:, None] * signal
+            for noise, signal in zip(self.noise_power, self.signal_power, strict=True)
+        ]
+
+    def columns(self, unknowns: Sequence[Unknown], x: Floats, base: Sequence[Floats], steps: Floats) -> list[Columns]:
+        """Finite-difference Jacobian on the search scale: per unknown, per record [channels, k] or None."""
+        many, wanted = [], []
+        for k, unknown in enumerate(unknowns):
+            many.append(_values(unknowns, np.where(np.arange(x.size) == k, x + steps, x)))
+            wanted.append([i for i, r in enumerate(self.records) if unknown.group in (None, r.group)])
+        return [
+            [None if p is None else (p - b) / step for p, b in zip(row, base, strict=True)]
+            for row, step in zip(self._predictions(many, wanted), steps, strict=True)
+        ]
+
+
+def _values(unknowns: Sequence[Unknown], x: Floats) -> dict[str, float]:
+    return {u.name: float(np.exp(v) if u.log else v) for u, v in zip(unknowns, x, strict=True)}
+
+
+def stacked(parts: Sequence[Floats | None], weights: Sequence[Floats]) -> Floats:
+    """One weighted vector of all coefficients that are measured; zeros for a record that is None."""
+    flat = []
+    for part, weight in zip(parts, weights, strict=True):
+        there = ~np.isnan(weight)
+        flat.append(np.zeros(int(there.sum())) if part is None else (part * weight)[there])
+    return np.concatenate(flat)
+
+
+def fit(
+    judge: Judge, unknowns: Sequence[Unknown], error: Floats, start: Mapping[str, float] | None = None,
+    steps: int = ROUGH,
+) -> Solution:  # fmt: skip
+    """Fit unknowns from ``start`` (by name; else from where they are believed).
+
+    ``error`` [channels] is the relative model error that ``Judge.variance`` allows for.
+    """
+    weights = [1.0 / np.sqrt(v) for v in judge.variance(error)]
+    scale = np.array([u.prior for u in unknowns])
+    low, high = (np.array([_searched(u, getattr(u, side)) for u in unknowns]) for side in ("low", "high"))
+    believed = np.array([_searched(u, u.start) for u in unknowns])
+    first = np.array([_searched(u, (start or {}).get(u.name, u.start)) for u in unknowns])
+    last: dict[bytes, list[Floats]] = {}
+
+    def predicted(x: Floats) -> list[Floats]:
+        key = x.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = judge.predict(_values(unknowns, x))
+        return last[key]
+
+    def residual(x: Floats) -> Floats:
+        parts = [p - m for p, m in zip(predicted(x), judge.measured, strict=True)]
+        return np.append(stacked(parts, weights), (x - believed) / scale)
+
+    def columns(x: Floats) -> list[Columns]:
+        step = np.array([_step(u, v, f) for u, v, f in zip(unknowns, x, first, strict=True)])
+        return judge.columns(unknowns, x, predicted(x), np.where(x + step > high, -step, step))
+
+    def jacobian(x: Floats) -> Floats:
+        body = np.column_stack([stacked(column, weights) for column in columns(x)])
+        return np.vstack([body, np.diag(1.0 / scale)])
+
+    room = 1e-9 * (high - low)
+    found = least_squares(
+        residual, np.clip(first, low + room, high - room), jacobian, bounds=(low, high),
+        x_scale=np.minimum(scale, high - low), ftol=TOLERANCE, xtol=1e-6, gtol=1e-8, max_nfev=steps,
+    )  # fmt: skip
+    x = np.asarray(found.x)
+    final = columns(x)
+    body = np.column_stack([stacked(column, weights) for column in final])
+    covariance = np.linalg.pinv(body.T @ body + np.diag(1.0 / scale**2), hermitian=True)
+    return Solution(tuple(unknowns), x, covariance, predicted(x), final)
+
+
+def _searched(unknown: Unknown, value: float) -> float:
+    """A value on the search scale."""
+    return float(np.log(value)) if unknown.log else value
+
+
+def _step(unknown: Unknown, x: float, first: float) -> float:
+    """Finite-difference step on the search scale: small against what matters, large against rounding."""
+    if unknown.log:
+        return 0.02
+    return 0.05 * max(abs(x), 0.2 * abs(first), 1e-9) if "." in unknown.name else 0.05 * unknown.prior

@@ -1,0 +1,199 @@
+"""A vehicle campaign as the gap workflow sees it: the seed's model, led by the steering angle, for all channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.ndimage import shift as shifted
+
+from identification.campaign import Campaign, KnownSteering, KnownVehicle, require
+from identification.frf import Floats
+from identification.gap.model import Present, Record, Unknown, Values
+from identification.gap.repeats import records_of
+from identification.gap.vehicle_kernel import RECORD, Steering, rollout
+from identification.motion import band_limited
+from steer_env.errors import InputError
+from steer_env.physics.effects import EFFECTS, Effect
+from steer_env.physics.effects.vehicle_ports import MECHANICAL, effect_row
+from steer_env.physics.vehicle import SingleTrack
+
+LEAD = "steering_angle_rad"
+OUTPUTS = (
+    "torsion_bar_torque_Nm",
+    "pinion_angle_rad",
+    "steering_torque_Nm",
+    "rack_force_N",
+    "yaw_rate_radps",
+    "lateral_acceleration_mps2",
+    "lateral_speed_mps",
+    "sideslip_angle_rad",
+)
+BUS = tuple(name for name in OUTPUTS if name not in ("steering_torque_Nm", "rack_force_N"))
+LONGEST_STEP = 1.7e-3  # s of the Runge-Kutta step: stable at 30 m/s down to a relaxation length of 0.02 m
+INPUT_HZ = 38.0  # of the steering angle, as far as 100 Hz logs hold it
+BAND_HZ = 15.0  # outputs are judged up to here: three times the highest frequency driven
+CENTRE = {"r": 0.2, "M_fric_C": 2.0, "b_ref": 0.7, "J_ref": 0.06}
+
+
+def unknowns_of(vehicle: KnownVehicle, steering: KnownSteering, speeds_kmh: tuple[float, ...]) -> tuple[Unknown, ...]:
+    """Nominal parameters: physical constants shared by all speeds, and what a control unit schedules, per speed.
+
+    Starts and spreads are our assumptions: typical cars, wide enough (one standard deviation is a factor of 1.4 to 2)
+    for any road vehicle; the yaw inertia may leave its theoretical value by 2.5 %.
+    """
+    load = vehicle.mass * 9.81 / (vehicle.cg_to_front_axle + vehicle.cg_to_rear_axle)
+    wheel = steering.wheel_inertia + steering.robot_inertia
+    shared = [
+        Unknown("C_f", 14.0 * load * vehicle.cg_to_rear_axle, 1e4, 2e6, 0.5),
+        Unknown("C_r", 16.0 * load * vehicle.cg_to_front_axle, 1e4, 2e6, 0.5),
+        Unknown("n_t", 0.07, 0.005, 0.5, 0.5),
+        Unknown("sigma_f", 0.3, 0.03, 3.0, 0.8),
+        Unknown("sigma_r", 0.4, 0.03, 3.0, 0.8),
+        Unknown("J_z", vehicle.yaw_inertia, 0.9 * vehicle.yaw_inertia, 1.1 * vehicle.yaw_inertia, 0.025),
+        Unknown("c_fric", 200.0, 5.0, 1e4, 0.8),
+        Unknown("sigma_assist", 1.8, 0.3, 12.0, 0.5),
+        Unknown("J_wheel", wheel, 0.2 * wheel, 3.0 * wheel, 0.3),
+        Unknown("delay_bus", 0.0, -0.02, 0.04, 0.004, log=False),
+    ]
+    scheduled = [
+        ("J_ref", 0.06, 0.005, 0.6, 0.5, True),
+        ("b_ref", 0.7, -3.0, 10.0, 0.8, False),
+        ("r", 0.2, 0.01, 1.2, 0.7, True),
+        ("M_fric_C", 2.0, 0.02, 15.0, 0.8, True),
+    ]
+    return (
+        *shared,
+        *(
+            Unknown(f"{name}@{v:g}", start, low, high, prior, log, v)
+            for v in speeds_kmh
+            for name, start, low, high, prior, log in scheduled
+        ),
+    )
+
+
+@dataclass
+class VehicleModel:
+    """The seed's model of one campaign (``model.Model``)."""
+
+    records: tuple[Record, ...]
+    vehicle: KnownVehicle
+    steering: KnownSteering
+    unknowns: tuple[Unknown, ...]
+    effects: Mapping[str, Effect]
+    channels: tuple[str, ...]
+    band_Hz: float = BAND_HZ
+    _inputs: dict[tuple[str, float], tuple[Floats, Floats, Floats, Floats]] = field(default_factory=dict, repr=False)
+
+    def simulate(self, record: Record, values: Values, present: Present) -> dict[str, Floats]:
+        """Output channels [n] of a record; see ``model.Model``."""
+        offset = present.get("angle_offset", {}).get("rad", 0.0)
+        fine, fine_rate, rate, acceleration = self._input(record)
+        row = effect_row(present) if any(name in MECHANICAL for name in present) else None
+        substeps = _substeps(record.dt)
+        p, car = self._steering(record, values), self._car(values)
+        out = rollout(fine - offset, fine_rate, record.dt / substeps, substeps, record.speed, p, car, row)
+        column = {name: out[:, k] for k, name in enumerate(RECORD)}
+        wheel = values["J_wheel"] * acceleration + self.steering.wheel_damping * rate
+        speed = max(record.speed, 0.1)
+        true = {
+            "torsion_bar_torque_Nm": column["torsion_bar_torque"],
+            "pinion_angle_rad": column["pinion_angle"],
+            "steering_torque_Nm": column["column_torque"] + wheel,
+            "rack_force_N": self.vehicle.pinion_ratio * column["rack_torque"],
+            "yaw_rate_radps": column["yaw_rate"],
+            "lateral_acceleration_mps2": column["lateral_acceleration"],
+            "lateral_speed_mps": column["lateral_speed"],
+            "sideslip_angle_rad": np.arctan2(column["lateral_speed"], speed),
+        }
+        return {name: self._logged(name, true[name], record.dt, values, present) for name in record.outputs}
+
+    def judged(self, outputs: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Twist and wheel-side torque as differences, in which road and motion are gone; one of v_y and sideslip."""
+        made = dict(outputs)
+        torque = outputs.get("torsion_bar_torque_Nm")
+        if torque is not None and "pinion_angle_rad" in made:
+            made["pinion_angle_rad"] = made["pinion_angle_rad"] + torque / self.steering.torsion_bar_stiffness
+        if torque is not None and "steering_torque_Nm" in made:
+            made["steering_torque_Nm"] = made["steering_torque_Nm"] - torque
+        if "lateral_speed_mps" in made:
+            made.pop("sideslip_angle_rad", None)
+        return made
+
+    def states(self, record: Record) -> dict[str, Floats]:
+        """Steering angle and rate, torsion-bar torque or steering torque, lateral acceleration or yaw rate."""
+        _, _, rate, _ = self._input(record)
+        found = {"steering angle": record.inputs[LEAD], "steering rate": rate}
+        for label, names in (
+            ("torque", ("torsion_bar_torque_Nm", "steering_torque_Nm")),
+            ("lateral acceleration", ("lateral_acceleration_mps2", "yaw_rate_radps")),
+        ):
+            measured = next((record.outputs[name] for name in names if name in record.outputs), None)
+            if measured is not None:
+                found[label] = measured
+        return found
+
+    def _logged(self, name: str, true: Floats, dt: float, values: Values, present: Present) -> Floats:
+        """What a logger makes of a true signal: gain, offset, lateness."""
+        delay = values["delay_bus"] if name in BUS else 0.0
+        signal = true
+        for effect, parameters in present.items():
+            sensor = self.effects[effect].sensor if effect in self.effects else EFFECTS["vehicle"][effect].sensor
+            if sensor is None or name not in sensor.channels:
+                continue
+            delay += parameters[sensor.delay] if sensor.delay else 0.0
+            signal = signal * parameters[sensor.gain] if sensor.gain else signal
+            signal = signal + parameters[sensor.offset] if sensor.offset else signal
+        if delay == 0.0:
+            return signal
+        late: Floats = shifted(signal, delay / dt, order=3, mode="nearest")
+        return late
+
+    def _steering(self, record: Record, values: Values) -> Steering:
+        here = {name: values[f"{name}@{record.group:g}"] for name in CENTRE}
+        return Steering(
+            here["J_ref"], here["b_ref"], here["r"], values["sigma_assist"], here["M_fric_C"], values["c_fric"],
+            self.steering.torsion_bar_stiffness, self.steering.torsion_bar_damping,
+        )  # fmt: skip
+
+    def _car(self, values: Values) -> SingleTrack:
+        v = self.vehicle
+        return SingleTrack(
+            v.mass, v.cg_to_front_axle, v.cg_to_rear_axle, values["J_z"], values["C_f"], values["C_r"],
+            values["sigma_f"], values["sigma_r"], values["n_t"], v.steering_ratio,
+        )  # fmt: skip
+
+    def _input(self, record: Record) -> tuple[Floats, Floats, Floats, Floats]:
+        """Steering angle and rate at steps and midpoints; rate and acceleration [n] at samples."""
+        key = (record.name, record.dt)
+        if key not in self._inputs:
+            angle = band_limited(record.inputs[LEAD], record.dt, min(INPUT_HZ, 0.38 / record.dt))
+            rate = angle.rate()
+            per_sample = 2 * _substeps(record.dt)
+            self._inputs[key] = (
+                angle.fine(per_sample), rate.fine(per_sample), rate.signal(), rate.rate().signal(),
+            )  # fmt: skip
+        return self._inputs[key]
+
+
+def _substeps(dt: float) -> int:
+    return max(1, int(np.ceil(dt / LONGEST_STEP - 1e-9)))
+
+
+def vehicle_model(campaign: Campaign) -> VehicleModel:
+    """Records and unknowns of a vehicle campaign; an ``InputError`` where the steering angle or every output lacks."""
+    if campaign.vehicle is None or campaign.steering is None:
+        raise InputError(f"{campaign.folder}: kind", f"'{campaign.kind}' is not 'vehicle'", "give a vehicle campaign")
+    for run in campaign.runs:
+        require(run, [LEAD], "the gap workflow, which leads its simulation by the steering angle,")
+    records = records_of(campaign.runs, LEAD, (LEAD,), OUTPUTS)
+    channels = tuple(name for name in OUTPUTS if any(name in record.outputs for record in records))
+    if not channels:
+        wanted = f"log some of {', '.join(OUTPUTS)}"
+        raise InputError(f"{campaign.folder}: runs", "no run has an output channel", wanted)
+    speeds = tuple(sorted({record.group for record in records}))
+    measured = set(channels) | {LEAD}
+    effects = {name: effect for name, effect in EFFECTS["vehicle"].items() if measured.issuperset(effect.needs)}
+    unknowns = unknowns_of(campaign.vehicle, campaign.steering, speeds)
+    return VehicleModel(records, campaign.vehicle, campaign.steering, unknowns, effects, channels)
