@@ -10,12 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import dct
 
 from identification.frf import Floats
 from identification.gap.model import Model, Record
 
 BANDS_PER_OCTAVE = 3
+# A simple model errs little in slow motion and more the faster it goes (roll, filters, actuators that it leaves out).
+ZONES_HZ = (0.35, 2.0)
 SPREAD_OCTAVES = 0.5  # over which a model error is let into neighbouring frequencies: a factor of e in power
 QUIET_TOP = 0.75  # without repeats, what lies above this share of the band counts as noise
 
@@ -49,6 +52,11 @@ def octave_bands(frequency: Floats) -> Floats:
     lowest = max(float(frequency[1]) if frequency.size > 1 else 1.0, 1e-6)
     index: Floats = np.floor(BANDS_PER_OCTAVE * np.log2(np.maximum(frequency, lowest) / 0.05) + 1e-9)
     return index
+
+
+def error_zone(frequency: Floats) -> NDArray[np.intp]:
+    """Index [k] of the zone, slow, middle or fast, in which a relative model error counts as one number."""
+    return np.searchsorted(ZONES_HZ, frequency, side="right")
 
 
 class NoiseSpectrum:

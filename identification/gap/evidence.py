@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identification.frf import Floats
-from identification.gap.basis import octave_bands
+from identification.gap.basis import ZONES_HZ, error_zone, octave_bands
 from identification.gap.fit import Judge
 
 ERRORS = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 31)])
@@ -37,25 +37,25 @@ def residuals(judge: Judge, predicted: Sequence[Floats]) -> list[Floats]:
 
 
 def error_of(judge: Judge, predicted: Sequence[Floats]) -> Floats:
-    """Relative model error [channels] of largest likelihood, given the noise."""
+    """Relative model error [channels, zones] of largest likelihood, given the noise."""
     left = residuals(judge, predicted)
-    best = np.zeros(len(judge.names))
-    for row in range(len(judge.names)):
-        parts = [
-            (r[row], n[row], s[row])
-            for r, n, s in zip(left, judge.noise_power, judge.signal_power, strict=True)
-            if not np.isnan(r[row, 0])
-        ]
-        if not parts:
-            continue
-        r, n, s = (np.concatenate(column) for column in zip(*parts, strict=True))
-        cost = [float(np.sum(np.log(n + e * e * s) + r * r / (n + e * e * s))) for e in ERRORS]
-        best[row] = ERRORS[int(np.argmin(cost))]
+    best = np.zeros((len(judge.names), len(ZONES_HZ) + 1))
+    for row in range(best.shape[0]):
+        there = [i for i, r in enumerate(left) if not np.isnan(r[row, 0])]
+        for zone in range(best.shape[1]):
+            inside = [(i, error_zone(judge.bands[i].frequency) == zone) for i in there]
+            r, n, s = (
+                np.concatenate([part[i][row, here] for i, here in inside] or [np.zeros(0)])
+                for part in (left, judge.noise_power, judge.signal_power)
+            )
+            if r.size:
+                v = n + ERRORS[:, None] ** 2 * s
+                best[row, zone] = ERRORS[int(np.argmin(np.sum(np.log(v) + r * r / v, axis=1)))]
     return best
 
 
 def blocks(judge: Judge, predicted: Sequence[Floats], error: Floats) -> Blocks:
-    """Likelihood and energies by block, at a given relative model error [channels]."""
+    """Likelihood and energies by block, at a given relative model error."""
     rows: list[tuple[float, ...]] = []
     for i, (left, variance) in enumerate(zip(residuals(judge, predicted), judge.variance(error), strict=True)):
         index = octave_bands(judge.bands[i].frequency)
@@ -73,23 +73,28 @@ def blocks(judge: Judge, predicted: Sequence[Floats], error: Floats) -> Blocks:
     return Blocks(*table)
 
 
-def share_explained(before: Blocks, after: Blocks, judge: Judge, floor: float) -> float:
-    """Share of the structure of ``before`` that ``after`` has taken away.
+def fidelity(judge: Judge, before: Sequence[Floats], after: Sequence[Floats], error: Floats) -> float:
+    """Where a candidate changes the prediction, the share of what was wrong there that it puts right.
 
-    Structure is energy beyond the noise, each channel on the scale of its own signal and noise with ``floor`` as the
-    relative error that nobody minds; a channel counts by how much structure it has.
+    One: it leaves noise. Zero or less: it moves the prediction, but not towards the measurement. A block counts by
+    how much of it the candidate claims to explain, so an effect that shows in one channel is judged in that channel.
     """
-    gone = had = 0.0
-    for row in range(len(judge.names)):
-        here = before.channel == row
-        if not here.any():
-            continue
-        scale = float(before.noise[here].sum() + floor**2 * before.signal[here].sum())
-        first = max(float((before.energy[here] - before.noise[here]).sum()), 0.0) / scale
-        last = max(float((after.energy[here] - after.noise[here]).sum()), 0.0) / scale
-        had += first
-        gone += first - last
-    return gone / had if had > 0.0 else 0.0
+    claimed = had = left = 0.0
+    rows = zip(judge.measured, before, after, judge.noise_power, judge.variance(error), judge.bands, strict=True)
+    for measured, old, new, noise, variance, band in rows:
+        _, place = np.unique(octave_bands(band.frequency), return_inverse=True)
+        for row in range(len(judge.names)):
+            if np.isnan(measured[row, 0]):
+                continue
+            r, d = measured[row] - old[row], new[row] - old[row]
+            was, now, moved, quiet = (
+                np.bincount(place, weights=w / variance[row]) for w in (r * r, (r - d) ** 2, d * d, noise[row])
+            )
+            weight = moved / (moved + was)
+            claimed += float(moved.sum())
+            had += float((weight * (was - quiet)).sum())
+            left += float((weight * (now - quiet)).sum())
+    return 1.0 - left / had if had > 0.0 and claimed > 0.0 else 0.0
 
 
 def normalised(judge: Judge, predicted: Sequence[Floats]) -> dict[str, tuple[float, float]]:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from identification.frf import Floats
-from identification.gap.basis import Band, NoiseSpectrum, band_of, spread_power
+from identification.gap.basis import Band, NoiseSpectrum, band_of, error_zone, spread_power
 from identification.gap.model import Model, Record, Unknown
 from steer_env.physics.effects import Effect
 from steer_env.units import quantities
@@ -81,7 +81,7 @@ def present_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
 
 @dataclass
 class Judge:
-    """The records of one role in cosine coefficients; ``error`` [channels] is the relative model error allowed for."""
+    """The records of one role in cosine coefficients; a model error is [channels, zones] everywhere."""
 
     model: Model
     records: Sequence[Record]
@@ -105,9 +105,9 @@ class Judge:
     def predict(self, values: Mapping[str, float]) -> list[Floats]:
         """Predicted coefficients [channels, k] of each record."""
         everything = range(len(self.records))
-        return [part for part in self._predictions([values], [everything])[0] if part is not None]
+        return [part for part in self.predictions([values], [everything])[0] if part is not None]
 
-    def _predictions(self, many: Sequence[Mapping[str, float]], wanted: Sequence[Sequence[int]]) -> list[Columns]:
+    def predictions(self, many: Sequence[Mapping[str, float]], wanted: Sequence[Sequence[int]]) -> list[Columns]:
         """For each set of values the predictions of the records wanted, None for the others."""
         tasks = [(k, i) for k in range(len(many)) for i in wanted[k]]
         presents = [present_of(values) for values in many]
@@ -130,8 +130,8 @@ class Judge:
     def variance(self, error: Floats) -> list[Floats]:
         """Power [channels, k] that a residual may have: noise, and model errors of relative size ``error``."""
         return [
-            noise + (error**2)[:, None] * signal
-            for noise, signal in zip(self.noise_power, self.signal_power, strict=True)
+            noise + error[:, error_zone(band.frequency)] ** 2 * signal
+            for noise, signal, band in zip(self.noise_power, self.signal_power, self.bands, strict=True)
         ]
 
     def columns(self, unknowns: Sequence[Unknown], x: Floats, base: Sequence[Floats], steps: Floats) -> list[Columns]:
@@ -142,7 +142,7 @@ class Judge:
             wanted.append([i for i, r in enumerate(self.records) if unknown.group in (None, r.group)])
         return [
             [None if p is None else (p - b) / step for p, b in zip(row, base, strict=True)]
-            for row, step in zip(self._predictions(many, wanted), steps, strict=True)
+            for row, step in zip(self.predictions(many, wanted), steps, strict=True)
         ]
 
 
@@ -165,7 +165,7 @@ def fit(
 ) -> Solution:  # fmt: skip
     """Fit unknowns from ``start`` (by name; else from where they are believed).
 
-    ``error`` [channels] is the relative model error that ``Judge.variance`` allows for.
+    ``error`` [channels, zones] is the relative model error that ``Judge.variance`` allows for.
     """
     weights = [1.0 / np.sqrt(v) for v in judge.variance(error)]
     scale = np.array([u.prior for u in unknowns])

@@ -34,7 +34,9 @@ BUS = tuple(name for name in OUTPUTS if name not in ("steering_torque_Nm", "rack
 LONGEST_STEP = 1.7e-3  # s of the Runge-Kutta step: stable at 30 m/s down to a relaxation length of 0.02 m
 INPUT_HZ = 38.0  # of the steering angle, as far as 100 Hz logs hold it
 BAND_HZ = 15.0  # outputs are judged up to here: three times the highest frequency driven
-CENTRE = {"r": 0.2, "M_fric_C": 2.0, "b_ref": 0.7, "J_ref": 0.06}
+# What a control unit schedules over speed. In a sweep its friction compensation, which works on a filtered rate, fades:
+# ``sweep_friction`` is the factor on the Coulomb level there.
+SCHEDULED = ("J_ref", "b_ref", "r", "M_fric_C", "sweep_friction")
 
 
 def unknowns_of(vehicle: KnownVehicle, steering: KnownSteering, speeds_kmh: tuple[float, ...]) -> tuple[Unknown, ...]:
@@ -62,6 +64,7 @@ def unknowns_of(vehicle: KnownVehicle, steering: KnownSteering, speeds_kmh: tupl
         ("b_ref", 0.7, -3.0, 10.0, 0.8, False),
         ("r", 0.2, 0.01, 1.2, 0.7, True),
         ("M_fric_C", 2.0, 0.02, 15.0, 0.8, True),
+        ("sweep_friction", 1.0, 0.3, 3.0, 0.15, True),
     ]
     return (
         *shared,
@@ -151,7 +154,9 @@ class VehicleModel:
         return late
 
     def _steering(self, record: Record, values: Values) -> Steering:
-        here = {name: values[f"{name}@{record.group:g}"] for name in CENTRE}
+        here = {name: values[f"{name}@{record.group:g}"] for name in SCHEDULED}
+        if record.manoeuvre == "frequency_response":
+            here["M_fric_C"] *= here["sweep_friction"]
         return Steering(
             here["J_ref"], here["b_ref"], here["r"], values["sigma_assist"], here["M_fric_C"], values["c_fric"],
             self.steering.torsion_bar_stiffness, self.steering.torsion_bar_damping,
