@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from identification.frf import Floats
 from identification.gap.basis import Band, NoiseSpectrum, band_of, error_zone, spread_power
@@ -129,20 +128,26 @@ class Judge:
 
     def variance(self, error: Floats) -> list[Floats]:
         """Power [channels, k] that a residual may have: noise, and model errors of relative size ``error``."""
-        return [
-            noise + error[:, error_zone(band.frequency)] ** 2 * signal
-            for noise, signal, band in zip(self.noise_power, self.signal_power, self.bands, strict=True)
-        ]
+        parts = zip(self.noise_power, self.signal_power, self.bands, strict=True)
+        return [self.allowed(noise, signal, band, error) for noise, signal, band in parts]
 
-    def columns(self, unknowns: Sequence[Unknown], x: Floats, base: Sequence[Floats], steps: Floats) -> list[Columns]:
-        """Finite-difference Jacobian on the search scale: per unknown, per record [channels, k] or None."""
+    @staticmethod
+    def allowed(noise: Floats, signal: Floats, band: Band, error: Floats) -> Floats:
+        """Power [channels, k] of noise and model error together, for one record."""
+        power: Floats = noise + error[:, error_zone(band.frequency)] ** 2 * signal
+        return power
+
+    def columns(
+        self, unknowns: Sequence[Unknown], x: Floats, base: Sequence[Floats], steps: Floats, which: Sequence[int]
+    ) -> list[Columns]:
+        """Finite-difference Jacobian on the search scale: per unknown in ``which``, per record [channels, k]."""
         many, wanted = [], []
-        for k, unknown in enumerate(unknowns):
+        for k in which:
             many.append(_values(unknowns, np.where(np.arange(x.size) == k, x + steps, x)))
-            wanted.append([i for i, r in enumerate(self.records) if unknown.group in (None, r.group)])
+            wanted.append([i for i, r in enumerate(self.records) if unknowns[k].group in (None, r.group)])
         return [
-            [None if p is None else (p - b) / step for p, b in zip(row, base, strict=True)]
-            for row, step in zip(self.predictions(many, wanted), steps, strict=True)
+            [None if p is None else (p - b) / steps[k] for p, b in zip(row, base, strict=True)]
+            for row, k in zip(self.predictions(many, wanted), which, strict=True)
         ]
 
 
@@ -161,48 +166,94 @@ def stacked(parts: Sequence[Floats | None], weights: Sequence[Floats]) -> Floats
 
 def fit(
     judge: Judge, unknowns: Sequence[Unknown], error: Floats, start: Mapping[str, float] | None = None,
-    steps: int = ROUGH,
+    steps: int = ROUGH, known: Sequence[Columns] = (),
 ) -> Solution:  # fmt: skip
-    """Fit unknowns from ``start`` (by name; else from where they are believed).
+    """Fit unknowns from ``start`` (by name; else from where they are believed), by damped Gauss-Newton steps.
 
-    ``error`` [channels, zones] is the relative model error that ``Judge.variance`` allows for.
+    ``error`` [channels, zones] is the relative model error that ``Judge.variance`` allows for. ``known`` are columns
+    of the Jacobian from a fit nearby, for the first unknowns: they serve until a step disappoints, and are made anew
+    before the fit ends.
     """
-    weights = [1.0 / np.sqrt(v) for v in judge.variance(error)]
-    scale = np.array([u.prior for u in unknowns])
-    low, high = (np.array([_searched(u, getattr(u, side)) for u in unknowns]) for side in ("low", "high"))
-    believed = np.array([_searched(u, u.start) for u in unknowns])
-    first = np.array([_searched(u, (start or {}).get(u.name, u.start)) for u in unknowns])
-    last: dict[bytes, list[Floats]] = {}
+    search = _Descent(judge, unknowns, error, start or {}, known)
+    for _ in range(steps):
+        gained = search.step()
+        if gained > TOLERANCE * search.cost:
+            continue
+        if search.stale:
+            search.renew()
+        else:
+            break
+    return search.solution()
 
-    def predicted(x: Floats) -> list[Floats]:
-        key = x.tobytes()
-        if key not in last:
-            last.clear()
-            last[key] = judge.predict(_values(unknowns, x))
-        return last[key]
 
-    def residual(x: Floats) -> Floats:
-        parts = [p - m for p, m in zip(predicted(x), judge.measured, strict=True)]
-        return np.append(stacked(parts, weights), (x - believed) / scale)
+class _Descent:
+    """The state of one fit: where it stands, what that predicts, and how the prediction changes."""
 
-    def columns(x: Floats) -> list[Columns]:
-        step = np.array([_step(u, v, f) for u, v, f in zip(unknowns, x, first, strict=True)])
-        return judge.columns(unknowns, x, predicted(x), np.where(x + step > high, -step, step))
+    def __init__(
+        self, judge: Judge, unknowns: Sequence[Unknown], error: Floats, start: Mapping[str, float],
+        known: Sequence[Columns],
+    ) -> None:  # fmt: skip
+        self.judge, self.unknowns = judge, tuple(unknowns)
+        self.weights = [1.0 / np.sqrt(v) for v in judge.variance(error)]
+        self.scale = np.array([u.prior for u in unknowns])
+        self.low, self.high = (np.array([_searched(u, getattr(u, side)) for u in unknowns]) for side in ("low", "high"))
+        self.believed = np.array([_searched(u, u.start) for u in unknowns])
+        first = np.array([_searched(u, start.get(u.name, u.start)) for u in unknowns])
+        self.x = np.clip(first, self.low, self.high)
+        self.size = np.array([_step(u, v, f) for u, v, f in zip(unknowns, self.x, first, strict=True)])
+        self.predicted = judge.predict(_values(self.unknowns, self.x))
+        self.cost = self._cost(self.x, self.predicted)
+        self.damping = 1e-4
+        self.columns: list[Columns] = list(known)
+        self.stale = len(known)  # so many of the first columns come from elsewhere
+        self.columns += self._columns(range(len(known), len(self.unknowns)))
 
-    def jacobian(x: Floats) -> Floats:
-        body = np.column_stack([stacked(column, weights) for column in columns(x)])
-        return np.vstack([body, np.diag(1.0 / scale)])
+    def step(self) -> float:
+        """One step downhill; returns what the cost lost by it, zero where no step helps."""
+        body = self._body()
+        left = stacked([m - p for m, p in zip(self.judge.measured, self.predicted, strict=True)], self.weights)
+        prior = 1.0 / self.scale**2
+        gradient = body.T @ left - prior * (self.x - self.believed)
+        normal = body.T @ body + np.diag(prior)
+        stuck = ((self.x <= self.low) & (gradient < 0.0)) | ((self.x >= self.high) & (gradient > 0.0))
+        free = np.flatnonzero(~stuck)
+        for _ in range(6):
+            damped = normal[np.ix_(free, free)] + self.damping * np.diag(np.diag(normal)[free])
+            x = self.x.copy()
+            x[free] += np.linalg.lstsq(damped, gradient[free], rcond=None)[0]
+            x = np.clip(x, self.low, self.high)
+            predicted = self.judge.predict(_values(self.unknowns, x))
+            cost = self._cost(x, predicted)
+            if cost < self.cost:
+                gained, self.cost, self.x, self.predicted = self.cost - cost, cost, x, predicted
+                self.damping = max(1e-8, 0.1 * self.damping)
+                self.columns[self.stale :] = self._columns(range(self.stale, len(self.unknowns)))
+                return gained
+            self.damping = max(1e-3, 10.0 * self.damping)
+        return 0.0
 
-    room = 1e-9 * (high - low)
-    found = least_squares(
-        residual, np.clip(first, low + room, high - room), jacobian, bounds=(low, high),
-        x_scale=np.minimum(scale, high - low), ftol=TOLERANCE, xtol=1e-6, gtol=1e-8, max_nfev=steps,
-    )  # fmt: skip
-    x = np.asarray(found.x)
-    final = columns(x)
-    body = np.column_stack([stacked(column, weights) for column in final])
-    covariance = np.linalg.pinv(body.T @ body + np.diag(1.0 / scale**2), hermitian=True)
-    return Solution(tuple(unknowns), x, covariance, predicted(x), final)
+    def renew(self) -> None:
+        """Make the columns that came from elsewhere anew."""
+        self.columns[: self.stale] = self._columns(range(self.stale))
+        self.stale, self.damping = 0, 1e-4
+
+    def solution(self) -> Solution:
+        """Where the search ended."""
+        body = self._body()
+        covariance = np.linalg.pinv(body.T @ body + np.diag(1.0 / self.scale**2), hermitian=True)
+        return Solution(self.unknowns, self.x, covariance, self.predicted, self.columns)
+
+    def _body(self) -> Floats:
+        return np.column_stack([stacked(column, self.weights) for column in self.columns])
+
+    def _cost(self, x: Floats, predicted: Sequence[Floats]) -> float:
+        rows = zip(self.judge.measured, predicted, self.weights, strict=True)
+        misfit = sum(float(np.nansum(((m - p) * w) ** 2)) for m, p, w in rows)
+        return misfit + float(np.sum(((x - self.believed) / self.scale) ** 2))
+
+    def _columns(self, which: Sequence[int]) -> list[Columns]:
+        signed = np.where(self.x + self.size > self.high, -self.size, self.size)
+        return self.judge.columns(self.unknowns, self.x, self.predicted, signed, which)
 
 
 def _searched(unknown: Unknown, value: float) -> float:

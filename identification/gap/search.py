@@ -65,7 +65,8 @@ def settled(judge: Judge, held: Judge, base: Candidate) -> Candidate:
     """A candidate refitted until the model error that weighs the fit is the one that the fit leaves."""
     for _ in range(PASSES):
         error = np.maximum(base.error, LEAST_ERROR)
-        solution = fit(judge, base.solution.unknowns, error, base.solution.values, FINE)
+        known = base.solution.jacobian
+        solution = fit(judge, base.solution.unknowns, error, base.solution.values, FINE, known)
         found = judged_candidate(base.names, solution, judge, held)
         gained = float(found.fitted.loglik.sum() - base.fitted.loglik.sum())
         base = found if gained > 0.0 else base
@@ -157,5 +158,6 @@ def refit(judge: Judge, held: Judge, base: Candidate, chosen: Screened, error: F
     """The effect's parameters and all that ``base`` has, fitted together."""
     more, start = effect_unknowns(chosen.effect, chosen.probe)
     unknowns = (*base.solution.unknowns, *more)
-    solution = fit(judge, unknowns, error, {**base.solution.values, **start}, FINE)
+    from_base = {**base.solution.values, **start}
+    solution = fit(judge, unknowns, error, from_base, FINE, base.solution.jacobian)
     return judged_candidate((*base.names, chosen.effect.name), solution, judge, held)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.ndimage import shift as shifted
 
 from identification.campaign import Campaign, KnownSteering, KnownVehicle, require
 from identification.frf import Floats
@@ -150,8 +149,7 @@ class VehicleModel:
             signal = signal + parameters[sensor.offset] if sensor.offset else signal
         if delay == 0.0:
             return signal
-        late: Floats = shifted(signal, delay / dt, order=3, mode="nearest")
-        return late
+        return _late(signal, delay / dt)
 
     def _steering(self, record: Record, values: Values) -> Steering:
         here = {name: values[f"{name}@{record.group:g}"] for name in SCHEDULED}
@@ -180,6 +178,24 @@ class VehicleModel:
                 angle.fine(per_sample), rate.fine(per_sample), rate.signal(), rate.rate().signal(),
             )  # fmt: skip
         return self._inputs[key]
+
+
+def _late(signal: Floats, samples: float) -> Floats:
+    """A signal [n] delayed by any number of samples, by a cubic through the four nearest; held at its ends."""
+    whole = int(np.floor(samples))
+    s = samples - whole
+    taps = (
+        -s * (1.0 - s) * (1.0 + s) / 6.0,
+        s * (1.0 + s) * (2.0 - s) / 2.0,
+        (1.0 + s) * (1.0 - s) * (2.0 - s) / 2.0,
+        -s * (1.0 - s) * (2.0 - s) / 6.0,
+    )
+    reach = abs(whole) + 3
+    wide = np.pad(signal, reach, mode="edge")
+    late = np.zeros(signal.size)
+    for tap, start in zip(taps, range(reach - whole - 2, reach - whole + 2), strict=True):
+        late += tap * wide[start : start + signal.size]
+    return late
 
 
 def _substeps(dt: float) -> int:

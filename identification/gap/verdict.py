@@ -1,0 +1,140 @@
+"""The verdict: one effect, two, none that matters, or something that the catalogue does not know.
+
+An effect is named if held-out records confirm it: the likelihood grows in block after block, what it changes it puts
+right, and its amplitude lies where the name makes sense. Honest model error passes none of the three: it makes small
+gains in many places and puts little of any of them right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from identification.gap.evidence import fidelity
+from identification.gap.fit import Judge
+from identification.gap.search import LEAST_ERROR, Candidate, Screened, null_fit, refit, screen, settled
+from steer_env.physics.effects import Effect
+
+
+class Rules(NamedTuple):
+    """Limits of the verdict; chosen on the tuning seeds of ``experiments.gap_study``, which reports on other seeds."""
+
+    refitted: int = 8  # candidates that are refitted jointly, by screening score
+    least_bic: float = 10.0
+    least_z: float = 2.0  # of the held-out gain over its scatter between blocks
+    least_fidelity: float = 0.5
+    range_slack: float = 0.3  # relative width around the plausible range in which a name is still believed
+    second_fidelity: float = 0.6
+    second_z: float = 3.0
+    equal: float = 0.7  # a rival with this share of the best one's gain could be it
+
+
+class Judged(NamedTuple):
+    """A candidate against the one that it extends, by the measures that the rules are about."""
+
+    candidate: Candidate
+    screened: Screened
+    delta_bic: float
+    held_gain: float
+    z: float
+    fidelity: float
+    in_range: bool
+
+    @property
+    def name(self) -> str:
+        """Name of the effect that was added."""
+        return self.candidate.names[-1]
+
+    def accepted(self, rules: Rules, second: bool = False) -> bool:
+        """Whether the rules let the added effect be named."""
+        return (
+            self.in_range
+            and self.delta_bic > rules.least_bic
+            and self.z > (rules.second_z if second else rules.least_z)
+            and self.fidelity > (rules.second_fidelity if second else rules.least_fidelity)
+        )
+
+
+class Search(NamedTuple):
+    """Everything that was tried: the null model, singles, and what was added to the best single."""
+
+    null: Candidate
+    singles: list[Judged]
+    pairs: list[Judged]
+    best: Candidate  # null, single or pair that the rules accept
+
+
+def judged(judge: Judge, held: Judge, base: Candidate, found: Candidate, screened: Screened, rules: Rules) -> Judged:
+    """Measure a candidate against what it extends."""
+    gain = float(found.fitted.loglik.sum() - base.fitted.loglik.sum())
+    size = sum(int(np.count_nonzero(~np.isnan(m))) for m in judge.measured)
+    more = found.parameters - base.parameters
+    steps = found.held.loglik - base.held.loglik
+    spread = float(np.std(steps)) * np.sqrt(steps.size)
+    return Judged(
+        found,
+        screened,
+        2.0 * gain - more * float(np.log(size)),
+        float(steps.sum()),
+        float(steps.sum()) / spread if spread > 0.0 else 0.0,
+        fidelity(held, base.held_prediction, found.held_prediction, found.error),
+        in_range(found, screened.effect, rules.range_slack),
+    )
+
+
+def in_range(found: Candidate, effect: Effect, slack: float) -> bool:
+    """Whether the fitted parameters of an effect lie in their plausible ranges, widened by ``slack``.
+
+    Phases always do; an amplitude whose 95 % interval reaches into the range does.
+    """
+    values = found.solution.values
+    for name, plausible in effect.plausible.items():
+        label = f"{effect.name}.{name}"
+        inside = plausible.holds(values[label], slack)
+        if not inside and name == effect.amplitude:
+            low, high = found.solution.interval(label)
+            inside = plausible.holds(low, slack) or plausible.holds(high, slack)
+        if not inside:
+            return False
+    return True
+
+
+def search(
+    judge: Judge, held: Judge, effects: Mapping[str, Effect], rules: Rules, advance: Callable[..., None]
+) -> Search:
+    """Try every effect alone, then, beside the best accepted one, every other as a second."""
+    null = null_fit(judge, held)
+    advance(note="nominal model")
+    singles = _tried(judge, held, null, effects, rules, advance)
+    accepted = [s for s in singles if s.accepted(rules)]
+    if not accepted:
+        return Search(null, singles, [], null)
+    first = accepted[0]
+    others = {name: effect for name, effect in effects.items() if name != first.name}
+    pairs = _tried(judge, held, first.candidate, others, rules, advance)
+    seconds = [p for p in pairs if p.accepted(rules, second=True)]
+    return Search(null, singles, pairs, seconds[0].candidate if seconds else first.candidate)
+
+
+def _tried(
+    judge: Judge,
+    held: Judge,
+    base: Candidate,
+    effects: Mapping[str, Effect],
+    rules: Rules,
+    advance: Callable[..., None],
+) -> list[Judged]:
+    """The most promising effects refitted beside ``base``, best first by what they gain on the fitted records."""
+    error = np.maximum(base.error, LEAST_ERROR)
+    chosen: Sequence[Screened] = screen(judge, base, effects, error)[: rules.refitted]
+    advance(note="screening")
+    found = []
+    for screened in chosen:
+        found.append((refit(judge, held, base, screened, error), screened))
+        advance(note=screened.effect.name)
+    found.sort(key=lambda pair: float(pair[0].fitted.loglik.sum()), reverse=True)
+    final = [(settled(judge, held, c) if k < 2 else c, s) for k, (c, s) in enumerate(found)]
+    result = [judged(judge, held, base, c, s, rules) for c, s in final]
+    return sorted(result, key=lambda j: j.delta_bic, reverse=True)
