@@ -92,8 +92,8 @@ def fidelity(judge: Judge, before: Sequence[Floats], after: Sequence[Floats], er
             )
             weight = moved / (moved + was)
             claimed += float(moved.sum())
-            had += float((weight * (was - quiet)).sum())
-            left += float((weight * (now - quiet)).sum())
+            had += float((weight * np.maximum(was - quiet, 0.0)).sum())
+            left += float((weight * np.maximum(now - quiet, 0.0)).sum())
     return 1.0 - left / had if had > 0.0 and claimed > 0.0 else 0.0
 
 

@@ -20,8 +20,8 @@ from steer_env.physics.effects import Effect
 from steer_env.units import quantities
 
 ROUGH, FINE = 12, 8  # largest numbers of steps of a first fit and of a refit
-TOLERANCE = 2e-4
-SHAPE_PRIOR = 1.0  # of the logarithm of a shape parameter around the middle of its plausible range
+ENOUGH = 0.5  # of twice the log-likelihood: a step that gains less ends a fit
+SHAPE_PRIOR = 1.0  # of the logarithm of a shape parameter that has no plausible range
 FAR = 5.0  # prior of an amplitude: this many times the largest plausible one, only to keep singular fits still
 Columns = list[Floats | None]
 
@@ -51,7 +51,8 @@ class Solution(NamedTuple):
 def effect_unknowns(effect: Effect, probe: Mapping[str, float]) -> tuple[tuple[Unknown, ...], dict[str, float]]:
     """The parameters of an effect as unknowns named "effect.parameter", and the probe as values to search from.
 
-    Amplitudes are believed near "absent", so weakly that only a singular fit would notice.
+    Amplitudes are believed near "absent", so weakly that only a singular fit would notice; shapes in the middle of
+    their plausible range, half of which is a standard deviation.
     """
     found, start = [], {}
     for name, quantity in quantities(effect.parameters).items():
@@ -62,7 +63,12 @@ def effect_unknowns(effect: Effect, probe: Mapping[str, float]) -> tuple[tuple[U
         absent = float(getattr(effect.absent(), name))
         near = absent if name == effect.amplitude and abs(absent) < FAR * size else value
         label = f"{effect.name}.{name}"
-        prior = SHAPE_PRIOR if log else FAR * max(size, 1e-12)
+        prior = FAR * max(size, 1e-12)
+        if log:
+            prior = SHAPE_PRIOR
+            if plausible is not None:
+                near = float(np.sqrt(plausible.low * plausible.high))
+                prior = 0.1 + 0.5 * float(np.log(plausible.high / plausible.low))
         found.append(Unknown(label, near, quantity.low, quantity.high, prior, log))
         start[label] = value
     return tuple(found), start
@@ -177,7 +183,7 @@ def fit(
     search = _Descent(judge, unknowns, error, start or {}, known)
     for _ in range(steps):
         gained = search.step()
-        if gained > TOLERANCE * search.cost:
+        if gained > ENOUGH:
             continue
         if search.stale:
             search.renew()
@@ -220,7 +226,7 @@ class _Descent:
         for _ in range(6):
             damped = normal[np.ix_(free, free)] + self.damping * np.diag(np.diag(normal)[free])
             x = self.x.copy()
-            x[free] += np.linalg.lstsq(damped, gradient[free], rcond=None)[0]
+            x[free] += np.linalg.pinv(damped, hermitian=True) @ gradient[free]
             x = np.clip(x, self.low, self.high)
             predicted = self.judge.predict(_values(self.unknowns, x))
             cost = self._cost(x, predicted)

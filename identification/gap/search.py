@@ -39,11 +39,15 @@ class Candidate(NamedTuple):
 
 
 class Screened(NamedTuple):
-    """An effect's best probe and the share of the residual's energy that its direction takes."""
+    """An effect's best probe, the share of the residual's energy that its direction takes, and what that gains.
+
+    ``gain`` is the log-likelihood that a small amplitude in the probe's direction would add.
+    """
 
     effect: Effect
     probe: Mapping[str, float]
     score: float
+    gain: float
     direction: list[Floats]  # change of the prediction that the probe makes, per record
 
 
@@ -99,7 +103,7 @@ def screen(judge: Judge, base: Candidate, effects: Mapping[str, Effect], error: 
         if len(probes) > MANY:
             probes = _scanned(judge, base, effect, weights)
         changes = _directions(judge, base, effect, probes)
-        best = Screened(effect, probes[0], -1.0, [])
+        best = Screened(effect, probes[0], -1.0, 0.0, [])
         for probe, change in zip(probes, changes, strict=True):
             direction = stacked(change, weights)
             size = float(direction @ direction)
@@ -110,7 +114,7 @@ def screen(judge: Judge, base: Candidate, effects: Mapping[str, Effect], error: 
             along = float(direction @ left)
             score = along * abs(along) / rest / energy if _one_sided(effect) else along * along / rest / energy
             if score > best.score:
-                best = Screened(effect, probe, score, [c for c in change if c is not None])
+                best = Screened(effect, probe, score, 0.5 * score * energy, [c for c in change if c is not None])
         if best.direction:
             found.append(best)
     return sorted(found, key=lambda s: s.score, reverse=True)

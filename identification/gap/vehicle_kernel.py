@@ -17,8 +17,15 @@ from steer_env.physics import vehicle
 from steer_env.physics._jit import compiled, scalar
 from steer_env.physics.assist import assist
 from steer_env.physics.effects import vehicle_ports as ports
-from steer_env.physics.effects.column_friction import STIFFNESS as COLUMN_STIFFNESS
-from steer_env.physics.effects.moment import at_assist, at_bar, at_rack, at_wheel
+from steer_env.physics.effects.acting import (
+    bar_torques,
+    column_after,
+    front_axle,
+    given_by_assist,
+    pinion_moment,
+    scrub_after,
+    seen_by_assist,
+)
 from steer_env.physics.friction import dahl_step
 from steer_env.physics.vehicle import SingleTrack, SingleTrackState
 
@@ -57,33 +64,18 @@ class State(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """What acts at one instant: torques in N m, friction torques as they stand at that instant."""
+    """What acts at one instant: torques in N m."""
 
     bar_torque: float
     passed_up: float
     rack_torque: float
-    pinion_friction: float
-    rack_friction: float
-
-
-@scalar
-def bar_torques(
-    steer: float, steer_rate: float, angle: float, rate: float, p: Steering, row: Any
-) -> tuple[float, float]:
-    """Torsion-bar torque and what of it reaches the wheel, N m."""
-    wheel = at_wheel(steer)
-    slope = 1.0 + ports.bar_slope(wheel, row)
-    twist = steer + ports.bar_angle(wheel, row) - angle
-    torque = p.c_tb * twist + ports.bar_torque(at_bar(twist, p.c_tb), row) + p.b_tb * (steer_rate * slope - rate)
-    return torque, torque * slope
 
 
 @scalar
 def assisted(M_tb: float, p: Steering, row: Any) -> float:
     """M_eff in N m: torsion-bar torque plus basic assist, as the effects leave it."""
-    seen = M_tb + ports.assist_input(at_assist(M_tb, 0.0), row)
-    help_torque = assist(seen, p.r, p.sigma_assist) - seen
-    return M_tb + help_torque + ports.assist_output(at_assist(M_tb, help_torque), row)
+    seen = seen_by_assist(M_tb, row)
+    return M_tb + given_by_assist(seen, assist(seen, p.r, p.sigma_assist) - seen, row)
 
 
 @scalar
@@ -92,27 +84,23 @@ def rates(
     p: Steering, car: SingleTrack, row: Any,
 ) -> tuple[float, SingleTrackState, Loads]:  # fmt: skip
     """Pinion acceleration in rad/s2, the car's derivatives, and the loads, reached one way from ``start``."""
-    M_tb, passed_up = bar_torques(steer, steer_rate, angle, rate, p, row)
-    tyres = vehicle.rack_torque(track.slip_front, car)
-    x = at_rack(angle, rate, speed, track.slip_front, car.C_f * track.slip_front, tyres)
+    M_tb, passed_up = bar_torques(steer, steer_rate, angle, rate, p.c_tb, p.b_tb, row)
+    x = pinion_moment(angle, rate, speed)
     travel = angle - start.angle
-    pinion_friction = dahl_step(
-        start.pinion_friction, travel, p.M_fric_C + ports.pinion_friction_level(x, row), p.c_fric
+    level = p.M_fric_C + ports.pinion_friction_level(x, row)
+    pinion_friction = dahl_step(start.pinion_friction, travel, level, p.c_fric)
+    rack_friction = scrub_after(start.rack_friction, travel, x, row)
+    slip = track.slip_front
+    axle = front_axle(
+        angle, rate, speed, slip, car.C_f * slip, vehicle.rack_torque(slip, car), rack_friction, 1.0 / car.i_s, row
     )
-    scrub = ports.rack_friction_level(x, row)
-    rack_friction = 0.0
-    if scrub > 0.0:
-        rack_friction = dahl_step(start.rack_friction, travel, scrub, scrub / ports.rack_friction_travel(x, row))
-    M_rack = tyres * (1.0 + ports.trail(x, row)) * (1.0 + ports.rack_ratio(x, row))
-    M_rack += ports.rack_torque(x, row) + rack_friction
-    resist = M_rack + pinion_friction + ports.pinion_torque(x, row) + p.b_ref * rate
+    resist = axle.M_rack + pinion_friction + ports.pinion_torque(x, row) + p.b_ref * rate
     acceleration = (assisted(M_tb, p, row) - resist) * (1.0 / p.J_ref)
-    tyre_angle = (angle + ports.rack_angle(x, row)) * (1.0 / car.i_s) + ports.tyre_angle(x, row)
-    drift = vehicle.single_track_rates(track, tyre_angle, speed, car)
+    drift = vehicle.single_track_rates(track, axle.tyre_angle, speed, car)
     pulled = SingleTrackState(
-        drift.lateral_speed + ports.side_acceleration(x, row), drift.yaw_rate, drift.slip_front, drift.slip_rear
+        drift.lateral_speed + axle.side_acceleration, drift.yaw_rate, drift.slip_front, drift.slip_rear
     )
-    return acceleration, pulled, Loads(M_tb, passed_up, M_rack, pinion_friction, rack_friction)
+    return acceleration, pulled, Loads(M_tb, passed_up, axle.M_rack)
 
 
 @compiled
@@ -155,22 +143,14 @@ def rollout(
             break
         angle, rate = state.angle + go_x, state.rate + go_v
         track = vehicle.moved(track, 1.0, go_t)
-        x = at_rack(angle, rate, speed, 0.0, 0.0, 0.0)
-        scrub = ports.rack_friction_level(x, row)
-        rack_friction = 0.0
-        if scrub > 0.0:
-            rack_friction = dahl_step(state.rack_friction, go_x, scrub, scrub / ports.rack_friction_travel(x, row))
+        x = pinion_moment(angle, rate, speed)
         level = p.M_fric_C + ports.pinion_friction_level(x, row)
+        turned = steer[2 * k + 2] - steer[2 * k]
         state = State(
             angle,
             rate,
             dahl_step(state.pinion_friction, go_x, level, p.c_fric),
-            rack_friction,
-            dahl_step(
-                state.column_friction,
-                steer[2 * k + 2] - steer[2 * k],
-                ports.column_friction_level(x, row),
-                COLUMN_STIFFNESS,
-            ),
+            scrub_after(state.rack_friction, go_x, x, row),
+            column_after(state.column_friction, turned, steer[2 * k + 2], row),
         )
     return out

@@ -83,8 +83,25 @@ def steering_rates(
     ``motor_torque`` is at the motor's shaft. All in N m.
     """
     M_tb = torsion_bar_torque(x, p)
+    return steering_rates_with(x, M_tb, M_tb, M_s, M_s_fric, M_fric, M_rack, motor_torque, J_driver, p)
+
+
+@scalar
+def steering_rates_with(
+    x: SteeringMotion,
+    M_tb: float,
+    M_up: float,
+    M_s: float,
+    M_s_fric: float,
+    M_fric: float,
+    M_rack: float,
+    motor_torque: float,
+    J_driver: float,
+    p: Steering,
+) -> SteeringMotion:
+    """As ``steering_rates``, with the bar's torque handed in: ``M_tb`` on the pinion, ``M_up`` on the wheel."""
     M_stop = end_stop_torque(x.pinion_angle, x.pinion_rate, p)
-    wheel = (M_s - M_tb - M_s_fric - p.b_s * x.steering_rate) * (1.0 / (p.J_s + J_driver))
+    wheel = (M_s - M_up - M_s_fric - p.b_s * x.steering_rate) * (1.0 / (p.J_s + J_driver))
     lower = M_tb + p.motor_ratio * motor_torque - M_rack - M_fric - M_stop - p.b_pin * x.pinion_rate
     return SteeringMotion(x.steering_rate, wheel, x.pinion_rate, lower * (1.0 / p.J_pin))
 

@@ -6,13 +6,21 @@ displacement, the motor's lag its exact value in time.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from steer_env.physics._jit import scalar
+from steer_env.physics.effects import vehicle_ports as ports
+from steer_env.physics.effects.acting import (
+    bar_torques,
+    column_after,
+    front_axle,
+    pinion_moment,
+    scrub_after,
+)
 from steer_env.physics.friction import dahl_step
 from steer_env.physics.motor import lag_step
-from steer_env.physics.steering import Steering, SteeringMotion, moved, steering_rates
-from steer_env.physics.two_track import TwoTrackState, two_track_rates
+from steer_env.physics.steering import Steering, SteeringMotion, moved, steering_rates_with
+from steer_env.physics.two_track import TwoTrackState, contact, rack_torque_of, two_track_rates
 from steer_env.physics.two_track_parameters import TwoTrack
 from steer_env.physics.vehicle import rk4_mean
 
@@ -35,7 +43,10 @@ class Load(NamedTuple):
 
 
 class CarState(NamedTuple):
-    """Motion, car, friction torques and both parts of the motor's torque in N m at the pinion."""
+    """Motion, car, friction torques and both parts of the motor's torque in N m at the pinion.
+
+    ``rack_friction`` and ``column_friction`` belong to effects of the catalogue and are zero without them.
+    """
 
     motion: SteeringMotion
     track: TwoTrackState
@@ -43,6 +54,17 @@ class CarState(NamedTuple):
     pinion_friction: float
     basic: float
     compensation: float
+    rack_friction: float
+    column_friction: float
+
+
+class Frictions(NamedTuple):
+    """Friction torques in N m: wheel, pinion, and those of effects on the rack's and the column's side."""
+
+    wheel: float
+    pinion: float
+    rack: float
+    column: float
 
 
 @scalar
@@ -91,31 +113,62 @@ def mean_motion(
 
 
 @scalar
-def friction_after(x: CarState, q: SteeringMotion, s: Steering) -> tuple[float, float]:
-    """Wheel and pinion friction in N m once the motion has gone one way from ``x`` to ``q``."""
-    wheel = dahl_step(
-        x.wheel_friction, q.steering_angle - x.motion.steering_angle, s.M_s_fric, s.c_s_fric
+def friction_after(x: CarState, q: SteeringMotion, speed: float, s: Steering, row: Any) -> Frictions:
+    """Frictions once the motion has gone one way from ``x`` to ``q``."""
+    turned, travel = q.steering_angle - x.motion.steering_angle, q.pinion_angle - x.motion.pinion_angle
+    at_pinion = pinion_moment(q.pinion_angle, q.pinion_rate, speed)
+    level = s.M_fric + ports.pinion_friction_level(at_pinion, row)
+    return Frictions(
+        dahl_step(x.wheel_friction, turned, s.M_s_fric, s.c_s_fric),
+        dahl_step(x.pinion_friction, travel, level, s.c_fric),
+        scrub_after(x.rack_friction, travel, at_pinion, row),
+        column_after(x.column_friction, turned, q.steering_angle, row),
     )
-    pinion = dahl_step(
-        x.pinion_friction, q.pinion_angle - x.motion.pinion_angle, s.M_fric, s.c_fric
-    )
-    return wheel, pinion
+
+
+@scalar
+def track_rates(
+    q: SteeringMotion, v: TwoTrackState, rack_friction: float, load: Load, p: TwoTrack, row: Any
+) -> tuple[TwoTrackState, float, float]:
+    """Derivatives, a_y and M_rack (as ``two_track_rates``) behind whatever effects lie between pinion and tyres."""
+    per_ratio = 1.0 / p.i_s
+    plain_angle = q.pinion_angle * per_ratio
+    if row is None:
+        return two_track_rates(v, plain_angle, load.speed, load.side_force, p)
+    c = contact(v, plain_angle, p)
+    force, slip = c.force_fl + c.force_fr, 0.5 * (v.slip_fl + v.slip_fr)
+    torque = rack_torque_of(c, plain_angle, p)
+    axle = front_axle(q.pinion_angle, q.pinion_rate, load.speed, slip, force, torque, rack_friction, per_ratio, row)
+    rates, a_y, _ = two_track_rates(v, axle.tyre_angle, load.speed, load.side_force, p)
+    return pulled(rates, axle.side_acceleration), a_y, axle.M_rack
 
 
 @scalar
 def car_rates(
-    x: CarState, q: SteeringMotion, v: TwoTrackState, motor_torque: float, load: Load, p: Mechanics
+    x: CarState, q: SteeringMotion, v: TwoTrackState, motor_torque: float, load: Load, p: Mechanics, row: Any
 ) -> tuple[SteeringMotion, TwoTrackState]:
     """Derivatives at ``q`` and ``v`` reached from ``x``; ``motor_torque`` in N m at the pinion."""
-    rates, _, M_rack = two_track_rates(
-        v, q.pinion_angle * (1.0 / p.vehicle.i_s), load.speed, load.side_force, p.vehicle
-    )
-    wheel, pinion = friction_after(x, q, p.steering)
+    friction = friction_after(x, q, load.speed, p.steering, row)
+    rates, _, M_rack = track_rates(q, v, friction.rack, load, p.vehicle, row)
     shaft = motor_torque / p.steering.motor_ratio
-    M_load = M_rack + load.road_torque
-    return steering_rates(
-        q, load.robot_torque, wheel, pinion, M_load, shaft, p.J_robot, p.steering
-    ), rates
+    at_pinion = pinion_moment(q.pinion_angle, q.pinion_rate, load.speed)
+    M_load = M_rack + load.road_torque + ports.pinion_torque(at_pinion, row)
+    M_tb, M_up = bar_torques(
+        q.steering_angle, q.steering_rate, q.pinion_angle, q.pinion_rate, p.steering.c_tb, p.steering.b_tb, row
+    )
+    motion = steering_rates_with(
+        q, M_tb, M_up, load.robot_torque, friction.wheel + friction.column, friction.pinion, M_load, shaft, p.J_robot,
+        p.steering,
+    )  # fmt: skip
+    return motion, rates
+
+
+@scalar
+def pulled(k: TwoTrackState, acceleration: float) -> TwoTrackState:
+    """Derivatives of a body that is also pulled aside, in m/s2."""
+    return TwoTrackState(
+        k.lateral_speed + acceleration, k.yaw_rate, k.roll, k.roll_rate, k.slip_fl, k.slip_fr, k.slip_rl, k.slip_rr
+    )
 
 
 @scalar
@@ -127,10 +180,11 @@ def car_step(
     load: Load,
     p: Mechanics,
     h: float,
+    row: Any,
 ) -> CarState:
     """State after h seconds under constant motor commands in N m at the pinion.
 
-    ``decay_half`` is what the motor's lag keeps over h/2.
+    ``decay_half`` is what the motor's lag keeps over h/2; ``row`` holds the effects of the catalogue, or is None.
     """
     basic_1 = lag_step(x.basic, basic, decay_half)
     basic_2 = lag_step(basic_1, basic, decay_half)
@@ -138,14 +192,21 @@ def car_step(
     compensation_2 = lag_step(compensation_1, compensation, decay_half)
     M0, M1, M2 = x.basic + x.compensation, basic_1 + compensation_1, basic_2 + compensation_2
     q, v = x.motion, x.track
-    k0, t0 = car_rates(x, q, v, M0, load, p)
-    k1, t1 = car_rates(x, moved(q, 0.5 * h, k0), drifted(v, 0.5 * h, t0), M1, load, p)
-    k2, t2 = car_rates(x, moved(q, 0.5 * h, k1), drifted(v, 0.5 * h, t1), M1, load, p)
-    k3, t3 = car_rates(x, moved(q, h, k2), drifted(v, h, t2), M2, load, p)
+    k0, t0 = car_rates(x, q, v, M0, load, p, row)
+    k1, t1 = car_rates(x, moved(q, 0.5 * h, k0), drifted(v, 0.5 * h, t0), M1, load, p, row)
+    k2, t2 = car_rates(x, moved(q, 0.5 * h, k1), drifted(v, 0.5 * h, t1), M1, load, p, row)
+    k3, t3 = car_rates(x, moved(q, h, k2), drifted(v, h, t2), M2, load, p, row)
     motion = moved(q, h, mean_motion(k0, k1, k2, k3))
-    wheel, pinion = friction_after(x, motion, p.steering)
+    friction = friction_after(x, motion, load.speed, p.steering, row)
     return CarState(
-        motion, drifted(v, h, mean_drift(t0, t1, t2, t3)), wheel, pinion, basic_2, compensation_2
+        motion,
+        drifted(v, h, mean_drift(t0, t1, t2, t3)),
+        friction.wheel,
+        friction.pinion,
+        basic_2,
+        compensation_2,
+        friction.rack,
+        friction.column,
     )
 
 
@@ -155,6 +216,8 @@ def car_at_rest() -> CarState:
     return CarState(
         SteeringMotion(0.0, 0.0, 0.0, 0.0),
         TwoTrackState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        0.0,
+        0.0,
         0.0,
         0.0,
         0.0,

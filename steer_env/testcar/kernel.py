@@ -6,23 +6,23 @@ Robot and control unit work once per PERIOD; the mechanics take SUBSTEPS steps i
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.physics._jit import compiled, scalar
 from steer_env.physics.boost_map import ControlLaw, ControlState, control_step, law_at
+from steer_env.physics.effects.acting import bar_torques, given_by_assist, seen_by_assist
 from steer_env.physics.motor import Motor, lag_decay, lag_step, limited_command
 from steer_env.physics.sensors import measured
-from steer_env.physics.steering import torsion_bar_torque
-from steer_env.physics.two_track import two_track_rates
 from steer_env.testcar.car import (
     CarState,
     Load,
     Mechanics,
     car_at_rest,
     car_step,
+    track_rates,
 )
 from steer_env.testcar.parameters import Robot, UnitSensors, VirtualCar
 
@@ -80,16 +80,20 @@ def servo_torque(target: float, target_rate: float, angle: float, rate: float, p
 
 
 @scalar
-def record_row(row: Array, x: CarState, robot_torque: float, load: Load, p: Mechanics) -> None:
-    """Write one row of RECORD."""
-    tyre_angle = x.motion.pinion_angle * (1.0 / p.vehicle.i_s)
-    _, a_y, M_rack = two_track_rates(x.track, tyre_angle, load.speed, load.side_force, p.vehicle)
-    row[0], row[1] = x.motion.steering_angle, x.motion.steering_rate
-    row[2], row[3] = x.motion.pinion_angle, x.motion.pinion_rate
-    row[4], row[5] = robot_torque, torsion_bar_torque(x.motion, p.steering)
-    row[6], row[7], row[8] = x.basic, x.compensation, x.pinion_friction
-    row[9] = M_rack + load.road_torque
-    row[10], row[11], row[12], row[13] = x.track.lateral_speed, x.track.yaw_rate, a_y, x.track.roll
+def record_row(record: Array, x: CarState, robot_torque: float, load: Load, p: Mechanics, row: Any) -> float:
+    """Write one row of RECORD; returns the torsion-bar torque in N m."""
+    q = x.motion
+    _, a_y, M_rack = track_rates(q, x.track, x.rack_friction, load, p.vehicle, row)
+    M_tb, _ = bar_torques(
+        q.steering_angle, q.steering_rate, q.pinion_angle, q.pinion_rate, p.steering.c_tb, p.steering.b_tb, row
+    )
+    record[0], record[1] = q.steering_angle, q.steering_rate
+    record[2], record[3] = q.pinion_angle, q.pinion_rate
+    record[4], record[5] = robot_torque, M_tb
+    record[6], record[7], record[8] = x.basic, x.compensation, x.pinion_friction
+    record[9] = M_rack + load.road_torque
+    record[10], record[11], record[12], record[13] = x.track.lateral_speed, x.track.yaw_rate, a_y, x.track.roll
+    return M_tb
 
 
 @scalar
@@ -101,6 +105,7 @@ def unit_period(
     last: float,
     lines: Array,
     p: Machine,
+    row: Any,
 ) -> tuple[float, float, ControlState, float]:
     """Period ``k`` of the control unit: (basic assist, compensation) due now, new state, command.
 
@@ -108,9 +113,10 @@ def unit_period(
     is the dead time.
     """
     ratio = p.mechanics.steering.motor_ratio
-    torque = measured(M_tb, p.sensors.torque_step, 0.0, 0.0)
+    torque = seen_by_assist(measured(M_tb, p.sensors.torque_step, 0.0, 0.0), row)
     angle = measured(pinion_angle, p.sensors.angle_step, 0.0, 0.0)
     basic, compensation, unit = control_step(unit, torque, angle, p.law, PERIOD)
+    basic = given_by_assist(torque, basic, row)
     last = limited_command((basic + compensation) / ratio, last, p.motor, PERIOD)
     lines[0, k % LONGEST_DEAD_TIME] = basic
     lines[1, k % LONGEST_DEAD_TIME] = last * ratio - basic
@@ -126,12 +132,13 @@ def rollout(
     side_force: Array,
     speed: float,
     p: Machine,
+    row: Any = None,
 ) -> Array:
     """Record [n, len(RECORD)] of one run at PERIOD.
 
     ``target`` in rad and ``target_rate`` in rad/s [n] are what the robot is asked for,
     ``road_torque`` in N m at the pinion and ``side_force`` in N [n] are disturbances, ``speed`` in
-    m/s is held.
+    m/s is held; ``row`` holds effects of the catalogue (``vehicle_ports.effect_row``).
     """
     n = target.size
     record = np.zeros((n, len(RECORD)))
@@ -146,11 +153,10 @@ def rollout(
             target[k], target_rate[k], q.steering_angle, q.steering_rate, p.robot
         )
         load = Load(robot_torque, road_torque[k], side_force[k], speed)
-        record_row(record[k], x, robot_torque, load, p.mechanics)
-        M_tb = torsion_bar_torque(q, p.mechanics.steering)
-        basic, compensation, unit, last = unit_period(k, M_tb, q.pinion_angle, unit, last, lines, p)
+        M_tb = record_row(record[k], x, robot_torque, load, p.mechanics, row)
+        basic, compensation, unit, last = unit_period(k, M_tb, q.pinion_angle, unit, last, lines, p, row)
         for _ in range(SUBSTEPS):
-            x = car_step(x, basic, compensation, decay_half, load, p.mechanics, h)
+            x = car_step(x, basic, compensation, decay_half, load, p.mechanics, h, row)
     return record
 
 
@@ -168,7 +174,7 @@ def unit_rollout(M_tb: Array, pinion_angle: Array, p: Machine) -> Array:
     for k in range(n):
         record[k, 0], record[k, 1] = basic_now, compensation_now
         basic, compensation, unit, last = unit_period(
-            k, M_tb[k], pinion_angle[k], unit, last, lines, p
+            k, M_tb[k], pinion_angle[k], unit, last, lines, p, None
         )
         basic_now = lag_step(basic_now, basic, decay)
         compensation_now = lag_step(compensation_now, compensation, decay)
