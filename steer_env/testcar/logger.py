@@ -7,12 +7,14 @@ resolution. Clean logs skip all four.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 
+from steer_env.physics.effects import SensorError
 from steer_env.testcar.kernel import PERIOD, RECORD
 from steer_env.testcar.parameters import Disturbance
 
@@ -50,6 +52,11 @@ CHANNELS = (
 )
 
 
+# A bus that is late as a whole, and nothing else: what a blind test of the effects starts from.
+COMMON_LATENESS = 0.004  # s
+ALIKE_CHANNELS = tuple(c._replace(latency=COMMON_LATENESS if c.latency else 0.0) for c in CHANNELS)
+
+
 def signals(record: Array, speed: float, i_rp: float) -> dict[str, Array]:
     """The logged quantities [n] at the kernel's period, undisturbed.
 
@@ -71,24 +78,48 @@ def signals(record: Array, speed: float, i_rp: float) -> dict[str, Array]:
 
 
 def log(
-    record: Array, speed: float, i_rp: float, rng: np.random.Generator | None
+    record: Array,
+    speed: float,
+    i_rp: float,
+    rng: np.random.Generator | None,
+    channels: Sequence[Channel] = CHANNELS,
+    errors: Sequence[tuple[SensorError, Any]] = (),
 ) -> dict[str, Array]:
-    """Columns of a run's file: time_s and CHANNELS, each [n_log]. ``rng`` None: a clean log."""
+    """Columns of a run's file: time_s and ``channels``, each [n_log]. ``rng`` None: a clean log.
+
+    ``errors``: sensor effects of the catalogue with their parameters.
+    """
     true = signals(record, speed, i_rp)
+    for error, parameters in errors:
+        _falsify(true, error, parameters)
     every = round(LOG_PERIOD / PERIOD)
     stamp = np.arange(0, len(record), every) * PERIOD
     columns: dict[str, Array] = {"time_s": stamp}
     if rng is None:
-        return columns | {channel.column: true[channel.column][::every] for channel in CHANNELS}
+        return columns | {channel.column: true[channel.column][::every] for channel in channels}
     fine = np.arange(len(record)) * PERIOD
     b, a = butter(ANTI_ALIAS_ORDER, ANTI_ALIAS_HZ, fs=1.0 / PERIOD)
-    for channel in CHANNELS:
+    for channel in channels:
         start = true[channel.column][0]
         filtered = start + lfilter(b, a, true[channel.column] - start)
         late = np.interp(stamp - channel.latency, fine, filtered)
         noisy = late + channel.noise * rng.standard_normal(len(stamp))
         columns[channel.column] = channel.resolution * np.round(noisy / channel.resolution)
     return columns
+
+
+def _falsify(true: dict[str, Array], error: SensorError, parameters: Any) -> None:
+    """Delay, scale and shift the channels that a sensor effect names, in place."""
+    for name in error.channels:
+        signal = true[name]
+        if error.delay:
+            fine = np.arange(len(signal)) * PERIOD
+            signal = np.interp(fine - getattr(parameters, error.delay), fine, signal)
+        if error.gain:
+            signal = getattr(parameters, error.gain) * signal
+        if error.offset:
+            signal = signal + getattr(parameters, error.offset)
+        true[name] = signal
 
 
 def disturbances(n: int, p: Disturbance, rng: np.random.Generator | None) -> tuple[Array, Array]:
