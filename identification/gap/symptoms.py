@@ -41,6 +41,8 @@ class Trace(NamedTuple):
     states: Mapping[str, Floats]
     keep: slice
     dt: float
+    manoeuvre: str
+    group: float
 
 
 def symptoms(judge: Judge, null: Candidate, traces: Sequence[Trace]) -> list[Symptom]:

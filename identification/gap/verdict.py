@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identification.gap.evidence import fidelity
+from identification.gap.evidence import fidelity, normalised
 from identification.gap.fit import Judge
 from identification.gap.search import LEAST_ERROR, Candidate, Screened, null_fit, refit, screen, settled
 from steer_env.physics.effects import Effect
@@ -26,11 +26,11 @@ class Rules(NamedTuple):
     least_gain: float = 8.0  # and so much log-likelihood
     least_bic: float = 10.0
     least_z: float = 2.0  # of the held-out gain over its scatter between blocks
-    least_fidelity: float = 0.5
+    least_fidelity: float = 0.6
     range_slack: float = 0.3  # relative width around the plausible range in which a name is still believed
-    second_fidelity: float = 0.6
+    second_fidelity: float = 0.65
     second_z: float = 3.0
-    equal: float = 0.7  # a rival with this share of the best one's gain could be it
+    equal: float = 0.6  # an accepted rival with this share of the best one's strength could be it
 
 
 class Judged(NamedTuple):
@@ -43,11 +43,20 @@ class Judged(NamedTuple):
     z: float
     fidelity: float
     in_range: bool
+    gap_after: float  # held-out residual over the signal, root mean square over judged channels
 
     @property
     def name(self) -> str:
         """Name of the effect that was added."""
         return self.candidate.names[-1]
+
+    @property
+    def strength(self) -> float:
+        """What candidates are ranked by: held-out gain over its scatter, times the share put right.
+
+        The likelihood itself would favour what makes small gains everywhere, as honest model error lets many do.
+        """
+        return self.z * max(self.fidelity, 0.0)
 
     def accepted(self, rules: Rules, second: bool = False) -> bool:
         """Whether the rules let the added effect be named."""
@@ -83,6 +92,7 @@ def judged(judge: Judge, held: Judge, base: Candidate, found: Candidate, screene
         float(steps.sum()) / spread if spread > 0.0 else 0.0,
         fidelity(held, base.held_prediction, found.held_prediction, found.error),
         in_range(found, screened.effect, rules.range_slack),
+        float(np.sqrt(np.mean([error**2 for error, _ in normalised(held, found.held_prediction).values()]))),
     )
 
 
@@ -145,4 +155,4 @@ def _tried(
     found.sort(key=lambda pair: float(pair[0].fitted.loglik.sum()), reverse=True)
     final = [(settled(judge, held, c) if k == 0 else c, s) for k, (c, s) in enumerate(found)]
     result = [judged(judge, held, base, c, s, rules) for c, s in final]
-    return sorted(result, key=lambda j: j.delta_bic, reverse=True)
+    return sorted(result, key=lambda j: j.strength, reverse=True)

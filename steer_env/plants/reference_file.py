@@ -52,9 +52,12 @@ def published() -> ReferenceFile:
 def read_reference(path: str | Path) -> ReferenceFile:
     """Read and check a reference file; a fault is an ``InputError`` that names row and key."""
     path = Path(path)
-    where = str(path)
-    table = checked.read_json(path, LIMIT_BYTES)
-    checked.check_keys(table, ("schema_version", "slip", "vehicle", "rows", "provenance"), (), where)
+    return reference_from(checked.read_json(path, LIMIT_BYTES), str(path))
+
+
+def reference_from(content: object, where: str) -> ReferenceFile:
+    """Check what a reference file holds; ``where`` names its place in messages."""
+    table = checked.check_keys(content, ("schema_version", "slip", "vehicle", "rows", "provenance"), (), where)
     checked.schema_version(table, where, SCHEMA_VERSION)
     slip = checked.text(table, "slip", where, SLIP_FORMS)
     vehicle = read_vehicle(table["vehicle"], f"{where}: vehicle")
@@ -67,14 +70,19 @@ def read_reference(path: str | Path) -> ReferenceFile:
 
 def write_reference(path: str | Path, reference: ReferenceFile) -> None:
     """Write a reference whole or not at all; equal references give equal bytes."""
-    table = {
+    table = reference_table(reference)
+    atomic.write_text(path, json.dumps(table, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def reference_table(reference: ReferenceFile) -> dict[str, Any]:
+    """The content of a reference file."""
+    return {
         "schema_version": SCHEMA_VERSION,
         "slip": reference.slip,
         "vehicle": vehicle_table(reference.vehicle),
         "rows": [_row_table(reference, index) for index in _by_speed(reference)],
         "provenance": reference.provenance,
     }
-    atomic.write_text(path, json.dumps(table, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def read_vehicle(table: object, where: str) -> KnownVehicle:

@@ -1,0 +1,16 @@
+"""How probable it is that a named effect is the right one: calibrated on blind campaigns."""
+
+from __future__ import annotations
+
+import math
+
+from identification.gap.verdict import Judged
+
+# Logistic regression on the tuning seeds of ``experiments.gap_study``: intercept, put-right share, log of held-out z.
+INTERCEPT, PUT_RIGHT, LOG_Z = -6.0, 6.0, 1.5
+
+
+def probability(step: Judged) -> float:
+    """Probability in [0, 1] that an accepted candidate's name is right."""
+    score = INTERCEPT + PUT_RIGHT * step.fidelity + LOG_Z * math.log(max(step.z, 1e-3))
+    return 1.0 / (1.0 + math.exp(-score))
