@@ -124,10 +124,11 @@ def _density(traces: tuple[Trace, ...], channel: str, residual: bool) -> tuple[n
 
 def residual_map(result: GapResult, channel: str) -> go.Figure:
     """Mean residual in bins of the first two states, before and after, on one colour scale."""
-    maps, edges, labels = [], None, ("", "")
+    maps, edges = [], None
+    labels: list[str] = []
     for traces in (result.before, result.after):
         here = [t for t in traces if channel in t.measured and len(t.states) > 1]
-        labels = tuple(list(here[0].states)[:2])
+        labels = list(here[0].states)[:2]
         x, y = (np.concatenate([t.states[label][t.keep] for t in here]) for label in labels)
         r = np.concatenate([(t.measured[channel] - t.simulated[channel])[t.keep] for t in here])
         if edges is None:
@@ -177,4 +178,4 @@ def _line(figure: go.Figure, name: str, x: object, y: object, colour: str, row: 
 
 
 def _title(trace: Trace) -> str:
-    return f"{trace.manoeuvre}, {trace.group:g} km/h"
+    return f"{trace.manoeuvre.replace('_', ' ')}<br>{trace.group:g} km/h"

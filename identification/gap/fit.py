@@ -172,20 +172,20 @@ def stacked(parts: Sequence[Floats | None], weights: Sequence[Floats]) -> Floats
 
 def fit(
     judge: Judge, unknowns: Sequence[Unknown], error: Floats, start: Mapping[str, float] | None = None,
-    steps: int = ROUGH, known: Sequence[Columns] = (),
+    steps: int = ROUGH, known: Sequence[Columns] = (), renew: bool = True,
 ) -> Solution:  # fmt: skip
     """Fit unknowns from ``start`` (by name; else from where they are believed), by damped Gauss-Newton steps.
 
     ``error`` [channels, zones] is the relative model error that ``Judge.variance`` allows for. ``known`` are columns
-    of the Jacobian from a fit nearby, for the first unknowns: they serve until a step disappoints, and are made anew
-    before the fit ends.
+    of the Jacobian from a fit nearby, for the first unknowns: they serve until a step disappoints; with ``renew`` they
+    are then made anew and the fit goes on.
     """
     search = _Descent(judge, unknowns, error, start or {}, known)
     for _ in range(steps):
         gained = search.step()
         if gained > ENOUGH:
             continue
-        if search.stale:
+        if search.stale and renew:
             search.renew()
         else:
             break

@@ -159,9 +159,9 @@ def _scanned(judge: Judge, base: Candidate, effect: Effect, weights: Sequence[Fl
 
 
 def refit(judge: Judge, held: Judge, base: Candidate, chosen: Screened, error: Floats) -> Candidate:
-    """The effect's parameters and all that ``base`` has, fitted together."""
+    """The effect's parameters and all that ``base`` has, fitted together (``settled`` finishes what leads)."""
     more, start = effect_unknowns(chosen.effect, chosen.probe)
     unknowns = (*base.solution.unknowns, *more)
     from_base = {**base.solution.values, **start}
-    solution = fit(judge, unknowns, error, from_base, FINE, base.solution.jacobian)
+    solution = fit(judge, unknowns, error, from_base, FINE, base.solution.jacobian, renew=False)
     return judged_candidate((*base.names, chosen.effect.name), solution, judge, held)

@@ -30,7 +30,9 @@ OUTPUTS = (
     "sideslip_angle_rad",
 )
 BUS = tuple(name for name in OUTPUTS if name not in ("steering_torque_Nm", "rack_force_N"))
-LONGEST_STEP = 1.7e-3  # s of the Runge-Kutta step: stable at 30 m/s down to a relaxation length of 0.02 m
+# s of the Runge-Kutta step: errs by 0.1 % of the torsion-bar torque in a sweep, a tenth of the noise; and radians of
+# the front tyre's relaxation that a step may cover (2.8 is where it turns unstable).
+LONGEST_STEP, LARGEST_TURN = 3.4e-3, 1.8
 INPUT_HZ = 38.0  # of the steering angle, as far as 100 Hz logs hold it
 BAND_HZ = 15.0  # outputs are judged up to here: three times the highest frequency driven
 # What a control unit schedules over speed. In a sweep its friction compensation, which works on a filtered rate, fades:
@@ -86,14 +88,14 @@ class VehicleModel:
     effects: Mapping[str, Effect]
     channels: tuple[str, ...]
     band_Hz: float = BAND_HZ
-    _inputs: dict[tuple[str, float], tuple[Floats, Floats, Floats, Floats]] = field(default_factory=dict, repr=False)
+    _inputs: dict[tuple[str, float, int], tuple[Floats, ...]] = field(default_factory=dict, repr=False)
 
     def simulate(self, record: Record, values: Values, present: Present) -> dict[str, Floats]:
         """Output channels [n] of a record; see ``model.Model``."""
         offset = present.get("angle_offset", {}).get("rad", 0.0)
-        fine, fine_rate, rate, acceleration = self._input(record)
+        substeps = _substeps(record.dt, record.speed / min(values["sigma_f"], values["sigma_r"]))
+        fine, fine_rate, rate, acceleration = self._input(record, substeps)
         row = effect_row(present) if any(name in MECHANICAL for name in present) else None
-        substeps = _substeps(record.dt)
         p, car = self._steering(record, values), self._car(values)
         out = rollout(fine - offset, fine_rate, record.dt / substeps, substeps, record.speed, p, car, row)
         column = {name: out[:, k] for k, name in enumerate(RECORD)}
@@ -125,7 +127,7 @@ class VehicleModel:
 
     def states(self, record: Record) -> dict[str, Floats]:
         """Steering angle and rate, torsion-bar torque or steering torque, lateral acceleration or yaw rate."""
-        _, _, rate, _ = self._input(record)
+        _, _, rate, _ = self._input(record, _substeps(record.dt, 0.0))
         found = {"steering angle": record.inputs[LEAD], "steering rate": rate}
         for label, names in (
             ("torque", ("torsion_bar_torque_Nm", "steering_torque_Nm")),
@@ -167,13 +169,13 @@ class VehicleModel:
             values["sigma_f"], values["sigma_r"], values["n_t"], v.steering_ratio,
         )  # fmt: skip
 
-    def _input(self, record: Record) -> tuple[Floats, Floats, Floats, Floats]:
+    def _input(self, record: Record, substeps: int) -> tuple[Floats, ...]:
         """Steering angle and rate at steps and midpoints; rate and acceleration [n] at samples."""
-        key = (record.name, record.dt)
+        key = (record.name, record.dt, substeps)
         if key not in self._inputs:
             angle = band_limited(record.inputs[LEAD], record.dt, min(INPUT_HZ, 0.38 / record.dt))
             rate = angle.rate()
-            per_sample = 2 * _substeps(record.dt)
+            per_sample = 2 * substeps
             self._inputs[key] = (
                 angle.fine(per_sample), rate.fine(per_sample), rate.signal(), rate.rate().signal(),
             )  # fmt: skip
@@ -191,15 +193,17 @@ def _late(signal: Floats, samples: float) -> Floats:
         -s * (1.0 - s) * (2.0 - s) / 6.0,
     )
     reach = abs(whole) + 3
-    wide = np.pad(signal, reach, mode="edge")
+    wide = np.concatenate([np.full(reach, signal[0]), signal, np.full(reach, signal[-1])])
     late = np.zeros(signal.size)
     for tap, start in zip(taps, range(reach - whole - 2, reach - whole + 2), strict=True):
         late += tap * wide[start : start + signal.size]
     return late
 
 
-def _substeps(dt: float) -> int:
-    return max(1, int(np.ceil(dt / LONGEST_STEP - 1e-9)))
+def _substeps(dt: float, relaxation: float) -> int:
+    """Runge-Kutta steps per sample; ``relaxation`` is the fastest tyre's speed over relaxation length, 1/s."""
+    longest = min(LONGEST_STEP, LARGEST_TURN / max(relaxation, 1e-9))
+    return max(1, int(np.ceil(dt / longest - 1e-9)))
 
 
 def vehicle_model(campaign: Campaign) -> VehicleModel:

@@ -129,11 +129,11 @@ def search(
     return Search(null, singles, pairs, seconds[0].candidate if seconds else first.candidate)
 
 
-def _promising(screened: Sequence[Screened], rules: Rules) -> list[Screened]:
+def _promising(screened: Sequence[Screened], rules: Rules, fewest: int) -> list[Screened]:
     """What is worth a refit: candidates that by screening gain enough, alone and against the best."""
     best = screened[0].gain if screened else 0.0
     least = max(rules.least_gain, rules.promising * best)
-    return [s for k, s in enumerate(screened[: rules.refitted]) if s.gain > least or k < 2]
+    return [s for k, s in enumerate(screened[: rules.refitted]) if s.gain > least or k < fewest]
 
 
 def _tried(
@@ -146,7 +146,7 @@ def _tried(
 ) -> list[Judged]:
     """The most promising effects refitted beside ``base``, best first by what they gain on the fitted records."""
     error = np.maximum(base.error, LEAST_ERROR)
-    chosen = _promising(screen(judge, base, effects, error), rules)
+    chosen = _promising(screen(judge, base, effects, error), rules, 0 if base.names else 2)
     advance(note="screening")
     found = []
     for screened in chosen:

@@ -148,7 +148,9 @@ def _named(step: Judged, found: Search) -> Named:
     for unknown in solution.unknowns:
         if unknown.name.startswith(prefix):
             low, high = solution.interval(unknown.name)
-            parameters[unknown.name[len(prefix) :]] = Parameter(solution.values[unknown.name], low, high)
+            value = solution.values[unknown.name]
+            turns = 2.0 * np.pi * np.floor(value / (2.0 * np.pi)) if "phase" in unknown.name else 0.0
+            parameters[unknown.name[len(prefix) :]] = Parameter(value - turns, low - turns, high - turns)
     return Named(step.name, probability(step), parameters)
 
 
