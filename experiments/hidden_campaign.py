@@ -112,13 +112,19 @@ def hidden_campaign(
     manoeuvres: Sequence[str] = MANOEUVRES_DRIVEN,
     jobs: int = 1,
     advance: Callable[..., None] = lambda **_: None,
+    change: Callable[..., dict[str, Any]] | None = None,
 ) -> None:
-    """Drive ``car`` with the effects ``present`` in it and write the campaign into ``folder``."""
+    """Drive ``car`` with the effects ``present`` in it and write the campaign into ``folder``.
+
+    ``change(columns, rng)`` may alter what was logged before it is written.
+    """
     hidden: Hidden = hidden_of(present)
     runs = [run for v in speeds_kmh for run in planned_runs(v, repeats, manoeuvres, car)]
 
     def one(run: PlannedRun) -> None:
-        write_run(folder / run_file(run), drive(run, car, generator_of(run, seed), hidden))
+        rng = generator_of(run, seed)
+        columns = drive(run, car, rng, hidden)
+        write_run(folder / run_file(run), columns if change is None else change(columns, rng))
         advance(note=f"{run.speed_kmh:g} km/h")
 
     if jobs > 1:

@@ -15,15 +15,26 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
+import numpy as np
 
 import steer_env
 from experiments.cli_options import common_options, print_json, print_table, progress
+from experiments.hidden_campaign import (
+    MANOEUVRES_DRIVEN,
+    SHARES,
+    answer_path,
+    hidden_campaign,
+    parse_hidden,
+    write_answer,
+)
 from steer_env import atomic
+from steer_env.errors import InputError
 from steer_env.testcar import truth
 from steer_env.testcar.campaign_writer import campaign_toml, run_file, write_run
 from steer_env.testcar.drive import drive, generator_of
 from steer_env.testcar.parameters import VirtualCar
 from steer_env.testcar.plan import SPEEDS_KMH, PlannedRun, runs_at
+from steer_env.testcar.variants import plain_car, random_car
 
 LOWEST_KMH, HIGHEST_KMH = 5.0, 180.0
 _SOURCES = ("physics", "manoeuvres", "testcar")
@@ -73,7 +84,7 @@ def recipe(order: Order, car: VirtualCar) -> str:
     digest = hashlib.sha256(repr((steer_env.__version__, order, car)).encode())
     root = Path(inspect.getfile(steer_env)).parent
     for package in _SOURCES:
-        for path in sorted((root / package).glob("*.py")):
+        for path in sorted((root / package).rglob("*.py")):
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -166,11 +177,30 @@ def finished(out: Path, key: str) -> dict[str, Any] | None:
 @click.option(
     "--clean", is_flag=True, help="No disturbance, noise, latency or rounding in the logs."
 )
+@click.option(
+    "--hide",
+    "hidden",
+    multiple=True,
+    metavar="NAME[=VALUE]",
+    help="Hide an effect of the catalogue in a plain car for a blind test of 'gap' (repeatable): NAME, NAME=VALUE, "
+    "NAME:parameter=value,... or none, random. The answer is sealed in OUT.answer.json beside the folder.",
+)
+@click.option(
+    "--manoeuvres",
+    default=",".join(MANOEUVRES_DRIVEN),
+    show_default=True,
+    metavar="NAME,...",
+    help=f"With --hide: what is driven, of {', '.join(('frequency_response', *SHARES))}.",
+)
+@click.option("--vehicle", type=click.Choice(["plain", "random"]), default="plain", help="With --hide: the car.")
 @common_options
 def command(
     speeds_kmh: tuple[float, ...],
     repeats: int,
     clean: bool,
+    hidden: tuple[str, ...],
+    manoeuvres: str,
+    vehicle: str,
     out: Path,
     seed: int,
     jobs: int,
@@ -178,6 +208,9 @@ def command(
     as_json: bool,
 ) -> None:
     """Drive the virtual test vehicle through the paper's manoeuvres and write a campaign."""
+    if hidden:
+        _hide(hidden, Order(speeds_kmh, repeats, seed, clean), manoeuvres, vehicle, out, jobs, quiet, as_json)
+        return
     order, car = Order(speeds_kmh, repeats, seed, clean), VirtualCar()
     key = recipe(order, car)
     content = finished(out, key)
@@ -195,3 +228,36 @@ def command(
         _SHOWN, [[row[name] for name in _SHOWN] for row in content["rows"]], title="true parameters"
     )
     click.echo(f"{out / 'campaign.toml'}")
+
+
+def _hide(
+    texts: tuple[str, ...],
+    order: Order,
+    manoeuvres: str,
+    vehicle: str,
+    out: Path,
+    jobs: int,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Write a blind campaign and its sealed answer; nothing that is printed tells what is hidden."""
+    driven = tuple(manoeuvres.split(","))
+    known = ("frequency_response", *SHARES)
+    for name in driven:
+        if name not in known:
+            raise InputError("--manoeuvres", f"there is no manoeuvre '{name}'", f"give some of {', '.join(known)}")
+    if order.clean:
+        raise InputError("--clean", "a blind campaign without noise has no noise to judge by", "leave --clean away")
+    present = parse_hidden(texts, order.seed)
+    car = random_car(np.random.default_rng(order.seed)) if vehicle == "random" else plain_car()
+    total = len(driven) * order.repeats * len(order.speeds_kmh)
+    key = hashlib.sha256(repr((order, texts, driven, vehicle)).encode()).hexdigest()[:16]
+    with progress("simulate", total=total, quiet=quiet) as advance, atomic.folder(out, key) as folder:
+        (folder / "runs").mkdir(exist_ok=True)
+        hidden_campaign(folder, present, car, order.seed, order.speeds_kmh, order.repeats, driven, jobs, advance)
+    write_answer(out, present, order.seed)
+    if as_json:
+        print_json({"campaign": str(out / "campaign.toml"), "answer": str(answer_path(out))})
+        return
+    click.echo(f"{out / 'campaign.toml'}")
+    click.echo(f"the answer is sealed in {answer_path(out)}")
