@@ -58,7 +58,8 @@ def effect_unknowns(effect: Effect, probe: Mapping[str, float]) -> tuple[tuple[U
     for name, quantity in quantities(effect.parameters).items():
         value = float(getattr(effect.at(probe), name))
         plausible = effect.plausible.get(name)
-        log = name != effect.amplitude and value > 0.0 and not (plausible is not None and plausible.signed)
+        shape = name != effect.amplitude and value > 0.0
+        log = shape and (plausible is None or (plausible.low > 0.0 and not plausible.signed))
         size = max(abs(plausible.low), abs(plausible.high)) if plausible is not None else abs(value)
         absent = float(getattr(effect.absent(), name))
         near = absent if name == effect.amplitude and abs(absent) < FAR * size else value
@@ -170,6 +171,35 @@ def stacked(parts: Sequence[Floats | None], weights: Sequence[Floats]) -> Floats
     return np.concatenate(flat)
 
 
+def clustered_covariance(judge: Judge, solution: Solution, error: Floats) -> Floats:
+    """Covariance of a solution whose residual is coherent within a record, channel and zone of frequency.
+
+    Model error is: it has one sign over a whole manoeuvre. The larger of this and what independent errors give.
+    """
+    weights = [1.0 / np.sqrt(v) for v in judge.variance(error)]
+    body = np.column_stack([stacked(column, weights) for column in solution.jacobian])
+    prior = 1.0 / np.array([u.prior for u in solution.unknowns]) ** 2
+    inverse = np.linalg.pinv(np.nan_to_num(body.T @ body) + np.diag(prior), hermitian=True)
+    clusters = []
+    for measured, predicted, weight, band in zip(
+        judge.measured, solution.predicted, weights, judge.bands, strict=True
+    ):
+        there = ~np.isnan(weight)
+        zone = np.broadcast_to(error_zone(band.frequency), weight.shape)[there]
+        row = np.broadcast_to(np.arange(weight.shape[0])[:, None], weight.shape)[there]
+        clusters.append((row * 10 + zone, ((measured - predicted) * weight)[there]))
+    scores, start = [], 0
+    for place, left in clusters:
+        part = body[start : start + left.size] * left[:, None]
+        scores += [part[place == k].sum(axis=0) for k in np.unique(place)]
+        start += left.size
+    table = np.array(scores)
+    coherent = inverse @ (table.T @ table) @ inverse
+    larger = np.sqrt(np.maximum(np.diag(coherent) / np.maximum(np.diag(inverse), 1e-300), 1.0))
+    scaled: Floats = inverse * np.outer(larger, larger)
+    return scaled
+
+
 def fit(
     judge: Judge, unknowns: Sequence[Unknown], error: Floats, start: Mapping[str, float] | None = None,
     steps: int = ROUGH, known: Sequence[Columns] = (), renew: bool = True,
@@ -227,7 +257,7 @@ class _Descent:
             damped = normal[np.ix_(free, free)] + self.damping * np.diag(np.diag(normal)[free])
             x = self.x.copy()
             x[free] += np.linalg.pinv(damped, hermitian=True) @ gradient[free]
-            x = np.clip(x, self.low, self.high)
+            x = np.clip(np.where(np.isfinite(x), x, self.x), self.low, self.high)
             predicted = self.judge.predict(_values(self.unknowns, x))
             cost = self._cost(x, predicted)
             if cost < self.cost:
@@ -250,11 +280,14 @@ class _Descent:
         return Solution(self.unknowns, self.x, covariance, self.predicted, self.columns)
 
     def _body(self) -> Floats:
-        return np.column_stack([stacked(column, self.weights) for column in self.columns])
+        body = np.column_stack([stacked(column, self.weights) for column in self.columns])
+        return np.nan_to_num(body, copy=False, posinf=0.0, neginf=0.0)  # a probe that goes off says nothing
 
     def _cost(self, x: Floats, predicted: Sequence[Floats]) -> float:
-        rows = zip(self.judge.measured, predicted, self.weights, strict=True)
-        misfit = sum(float(np.nansum(((m - p) * w) ** 2)) for m, p, w in rows)
+        left = stacked([m - p for m, p in zip(self.judge.measured, predicted, strict=True)], self.weights)
+        misfit = float(left @ left)
+        if not np.isfinite(misfit):  # the simulation went off: no place to stay
+            return np.inf
         return misfit + float(np.sum(((x - self.believed) / self.scale) ** 2))
 
     def _columns(self, which: Sequence[int]) -> list[Columns]:

@@ -10,7 +10,16 @@ import numpy as np
 from identification.frf import Floats
 from identification.gap.basis import ZONES_HZ
 from identification.gap.evidence import Blocks, blocks, error_of
-from identification.gap.fit import FINE, Columns, Judge, Solution, effect_unknowns, fit, stacked
+from identification.gap.fit import (
+    FINE,
+    Columns,
+    Judge,
+    Solution,
+    clustered_covariance,
+    effect_unknowns,
+    fit,
+    stacked,
+)
 from steer_env.physics.effects import Effect
 
 LEAST_ERROR = 0.002  # relative model error that is always allowed for: no fit is held to the last noise bit
@@ -52,8 +61,9 @@ class Screened(NamedTuple):
 
 
 def judged_candidate(names: tuple[str, ...], solution: Solution, judge: Judge, held: Judge) -> Candidate:
-    """A solution with its evidence."""
+    """A solution with its evidence, its covariance as the residual really scatters."""
     error = error_of(judge, solution.predicted)
+    solution = solution._replace(covariance=clustered_covariance(judge, solution, np.maximum(error, LEAST_ERROR)))
     prediction = held.predict(solution.values)
     return Candidate(
         names,

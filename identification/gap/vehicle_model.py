@@ -151,7 +151,7 @@ class VehicleModel:
             signal = signal + parameters[sensor.offset] if sensor.offset else signal
         if delay == 0.0:
             return signal
-        return _late(signal, delay / dt)
+        return late(signal, delay / dt)
 
     def _steering(self, record: Record, values: Values) -> Steering:
         here = {name: values[f"{name}@{record.group:g}"] for name in SCHEDULED}
@@ -182,7 +182,7 @@ class VehicleModel:
         return self._inputs[key]
 
 
-def _late(signal: Floats, samples: float) -> Floats:
+def late(signal: Floats, samples: float) -> Floats:
     """A signal [n] delayed by any number of samples, by a cubic through the four nearest; held at its ends."""
     whole = int(np.floor(samples))
     s = samples - whole
@@ -194,10 +194,10 @@ def _late(signal: Floats, samples: float) -> Floats:
     )
     reach = abs(whole) + 3
     wide = np.concatenate([np.full(reach, signal[0]), signal, np.full(reach, signal[-1])])
-    late = np.zeros(signal.size)
+    delayed = np.zeros(signal.size)
     for tap, start in zip(taps, range(reach - whole - 2, reach - whole + 2), strict=True):
-        late += tap * wide[start : start + signal.size]
-    return late
+        delayed += tap * wide[start : start + signal.size]
+    return delayed
 
 
 def _substeps(dt: float, relaxation: float) -> int:

@@ -17,6 +17,9 @@ from identification.gap.fit import Judge
 from identification.gap.search import LEAST_ERROR, Candidate, Screened, null_fit, refit, screen, settled
 from steer_env.physics.effects import Effect
 
+NEARLY = 0.1  # share left wrong that is as good as none
+ALIKE = 0.05  # difference in the share put right that says nothing
+
 
 class Rules(NamedTuple):
     """Limits of the verdict; chosen on the tuning seeds of ``experiments.gap_study``, which reports on other seeds."""
@@ -52,11 +55,11 @@ class Judged(NamedTuple):
 
     @property
     def strength(self) -> float:
-        """What candidates are ranked by: held-out gain over its scatter, times the share put right.
+        """What candidates are ranked by: held-out gain over its scatter, over the share that is left wrong.
 
         The likelihood itself would favour what makes small gains everywhere, as honest model error lets many do.
         """
-        return self.z * max(self.fidelity, 0.0)
+        return self.z / (NEARLY + 1.0 - min(max(self.fidelity, 0.0), 1.0))
 
     def accepted(self, rules: Rules, second: bool = False) -> bool:
         """Whether the rules let the added effect be named."""
@@ -102,10 +105,15 @@ def in_range(found: Candidate, effect: Effect, slack: float) -> bool:
     A parameter whose 95 % interval reaches into its range does: where two of them can hardly be told apart, that is no
     evidence against the name.
     """
+    values = found.solution.values
+    if effect.size is not None:
+        fitted = effect.at({n: values[f"{effect.name}.{n}"] for n in effect.parameters._fields})
+        if effect.size(fitted) < effect.least_size * (1.0 - slack):
+            return False
     for name, plausible in effect.plausible.items():
         label = f"{effect.name}.{name}"
         low, high = found.solution.interval(label)
-        value = found.solution.values[label]
+        value = values[label]
         reaches = low <= plausible.high and high >= plausible.low and not plausible.signed
         if not (plausible.holds(value, slack) or reaches or plausible.holds(low) or plausible.holds(high)):
             return False
@@ -119,14 +127,21 @@ def search(
     null = null_fit(judge, held)
     advance(note="nominal model")
     singles = _tried(judge, held, null, effects, rules, advance)
-    accepted = [s for s in singles if s.accepted(rules)]
-    if not accepted:
+    first = _leader([s for s in singles if s.accepted(rules)])
+    if first is None:
         return Search(null, singles, [], null)
-    first = accepted[0]
     others = {name: effect for name, effect in effects.items() if name != first.name}
     pairs = _tried(judge, held, first.candidate, others, rules, advance)
-    seconds = [p for p in pairs if p.accepted(rules, second=True)]
-    return Search(null, singles, pairs, seconds[0].candidate if seconds else first.candidate)
+    second = _leader([p for p in pairs if p.accepted(rules, second=True)])
+    return Search(null, singles, pairs, first.candidate if second is None else second.candidate)
+
+
+def _leader(accepted: Sequence[Judged]) -> Judged | None:
+    """The strongest; of those that put right as much, the one of largest likelihood (one may hold the other)."""
+    if not accepted:
+        return None
+    alike = [j for j in accepted if j.fidelity > accepted[0].fidelity - ALIKE]
+    return max(alike, key=lambda j: j.delta_bic)
 
 
 def _promising(screened: Sequence[Screened], rules: Rules, fewest: int) -> list[Screened]:

@@ -13,13 +13,14 @@ from identification.gap.model import Model, Record
 from identification.gap.next_measurement import Advice, next_measurement
 from identification.gap.probability import probability
 from identification.gap.result import ChannelGap, GapResult, Named, Parameter, normalised_gaps
+from identification.gap.rig_model import rig_model
 from identification.gap.search import Candidate
 from identification.gap.symptoms import Trace, symptoms
 from identification.gap.vehicle_model import VehicleModel, vehicle_model
 from identification.gap.verdict import Judged, Rules, Search, search
 from steer_env.errors import InputError
 
-MODELS: dict[str, Callable[[Campaign], Model]] = {"vehicle": vehicle_model}
+MODELS: dict[str, Callable[[Campaign], Model]] = {"vehicle": vehicle_model, "rig": rig_model}
 FEWEST_SAMPLES = 400  # judged samples without which nothing is said
 # Held-out error, beyond the noise and over the rms of the signal, that an honest simple model may leave: what the
 # plain virtual cars leave without anything hidden, with a margin (``experiments.gap_study``).
@@ -57,7 +58,7 @@ def find_gap(
     found = search(judge, held, model.effects, rules, advance)
     shown = symptoms(judge, found.null, traces(model, fitted, found.null))
     before, after = traces(model, held_out, found.null), traces(model, held_out, found.best)
-    channels = normalised_gaps(before, after, noise_rms(fitted, held_out))
+    channels = normalised_gaps(before, after, noise_rms(fitted, held_out) or floor_rms(held))
     steps = accepted_steps(found)
     verdict, reason = _verdict(steps, channels)
     rivals = _rivals(found, steps, rules)
@@ -100,6 +101,16 @@ def noise_rms(fitted: Sequence[Record], held: Sequence[Record]) -> dict[str, flo
             sums.setdefault(name, []).append(variance)
     repeats = float(np.mean([max(len(record.repeats), 1) for record in held]))
     return {name: float(np.sqrt(np.mean(values) / repeats)) for name, values in sums.items()}
+
+
+def floor_rms(held: Judge) -> dict[str, float]:
+    """Noise rms of each judged channel as the noise floor has it, where nothing was repeated."""
+    found = {}
+    for row, name in enumerate(held.names):
+        parts = [np.mean(power[row]) for power in held.noise_power if not np.isnan(power[row, 0])]
+        if parts:
+            found[name] = float(np.sqrt(np.mean(parts)))
+    return found
 
 
 def accepted_steps(found: Search) -> list[Judged]:

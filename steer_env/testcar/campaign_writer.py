@@ -27,7 +27,8 @@ def run_file(run: PlannedRun) -> str:
 def write_run(path: Path, columns: dict[str, NDArray[np.floating]]) -> None:
     """Write a run's columns, each [n], as CSV; the file appears whole or not at all."""
     text = io.StringIO()
-    formats = ["%.2f" if name == "time_s" else "%.7g" for name in columns]
+    stamp = "%.2f" if columns["time_s"][1] - columns["time_s"][0] > 0.0099 else "%.4f"
+    formats = [stamp if name == "time_s" else "%.7g" for name in columns]
     header = ",".join(columns)
     np.savetxt(
         text,

@@ -7,8 +7,9 @@ workflow, and is tested by being listed.
 """
 
 from steer_env.physics.effects.effect import Effect, Plausible, SensorError
+from steer_env.physics.effects.rig_table import RIG_EFFECTS
 from steer_env.physics.effects.vehicle_table import VEHICLE_EFFECTS
 
-EFFECTS: dict[str, dict[str, Effect]] = {"vehicle": VEHICLE_EFFECTS}
+EFFECTS: dict[str, dict[str, Effect]] = {"vehicle": VEHICLE_EFFECTS, "rig": RIG_EFFECTS}
 
 __all__ = ["EFFECTS", "Effect", "Plausible", "SensorError"]

@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 from steer_env.physics._jit import scalar
 from steer_env.physics.effects.effect import Effect, Plausible
 from steer_env.physics.effects.moment import Moment
+from steer_env.physics.effects.rig_moment import RigMoment
 from steer_env.units import Quantity
 
 
@@ -33,6 +34,12 @@ def at_pinion(x: Moment, p: TorqueRipple) -> float:
     return ripple(x.pinion_angle, p)
 
 
+@scalar
+def at_motor(x: RigMoment, p: TorqueRipple) -> float:
+    """Ripple torque in N m at the motor's angle."""
+    return ripple(x.angle, p)
+
+
 VEHICLE = Effect(
     name="torque_ripple",
     kind="vehicle",
@@ -46,10 +53,18 @@ VEHICLE = Effect(
     },
     # Orders too far apart to slide from one to the next: the search scans them (identification/gap).
     probes=tuple(
-        {"amplitude_Nm": 0.2, "order": float(order), "phase": phase}
-        for order in range(4, 61)
-        for phase in (0.0, 1.57)
+        {"amplitude_Nm": 0.2, "order": float(order), "phase": phase} for order in range(4, 61) for phase in (0.0, 1.57)
     ),
     ports={"pinion_torque": at_pinion},
     shows_in="residual periodic in the angle",
+)
+RIG = VEHICLE._replace(
+    kind="rig",
+    enters="+ A sin(N q + phi)",
+    plausible={
+        "amplitude_Nm": Plausible(0.01, 0.6),
+        "order": Plausible(4.0, 60.0),
+        "phase": Plausible(0.0, 7.0, signed=True),
+    },
+    ports={"torque": at_motor},
 )
