@@ -110,7 +110,7 @@ def _doubt(report: Report, result: GapResult) -> None:
     if result.advice is not None:
         drive = f"{result.advice.manoeuvre} at {result.advice.speed_kmh:g} km/h"
         report.text(f"**Drive next:** {drive}; {escape(result.advice_why)}.")
-    source = "from the deviations of repeats" if result.noise_from_repeats else "a floor, as nothing was repeated"
+    source = "from the deviations of repeats" if result.noise_from_repeats else "of the sensors alone, without repeats"
     report.text(f"Noise: {source}. The model error allowed for, by channel and frequency, is estimated from the rest.")
     for note in result.notes:
         report.text(f"- {escape(note)}")

@@ -20,7 +20,6 @@ BANDS_PER_OCTAVE = 3
 # A simple model errs little in slow motion and more the faster it goes (roll, filters, actuators that it leaves out).
 ZONES_HZ = (0.35, 2.0)
 SPREAD_OCTAVES = 0.5  # over which a model error is let into neighbouring frequencies: a factor of e in power
-QUIET_TOP = 0.75  # without repeats, what lies above this share of the band counts as noise
 
 
 @dataclass(frozen=True)
@@ -62,8 +61,8 @@ def error_zone(frequency: Floats) -> NDArray[np.intp]:
 class NoiseSpectrum:
     """Noise power of each judged channel over frequency, from the deviations of repeats.
 
-    ``from_repeats``: False where no record has repeats; the noise is then the flat floor found near the upper end of
-    the band, where no manoeuvre excites.
+    ``from_repeats``: False where no record has repeats; the noise is then taken as white, of the size by which the
+    fourth differences of the signals scatter.
     """
 
     def __init__(self, model: Model, records: Sequence[Record], names: Sequence[str]) -> None:
@@ -76,7 +75,7 @@ class NoiseSpectrum:
                 continue
             runs = np.array([band.of(model.judged(repeat), names) for repeat in record.repeats])
             freedom = len(runs) - 1 if self.from_repeats else 1
-            power = _deviation(runs) if self.from_repeats else _floor(runs[0], band.frequency)
+            power = _deviation(runs) if self.from_repeats else _floor(model.judged(record.repeats[0]), band, names)
             index = octave_bands(band.frequency)
             for row in np.flatnonzero(~np.isnan(power[:, 0])):
                 for k in np.unique(index):
@@ -103,11 +102,17 @@ def _deviation(runs: Floats) -> Floats:
     return variance
 
 
-def _floor(coefficients: Floats, frequency: Floats) -> Floats:
-    """Flat power [channels, k] near the upper end of the band; the median of a square is 0.455 of its mean."""
-    top = frequency > QUIET_TOP * frequency[-1]
-    level = np.median(coefficients[:, top] ** 2, axis=1) / 0.455
-    return np.repeat(level[:, None], frequency.size, axis=1)
+def _floor(signals: Mapping[str, Floats], band: Band, names: Sequence[str]) -> Floats:
+    """Power [channels, k] of the white noise of signals, from what their fourth differences scatter by.
+
+    The fourth difference of noise of variance s2 has variance 70 s2; of what was driven hardly anything is left in it.
+    """
+    rows = np.full((len(names), band.frequency.size), np.nan)
+    for row, name in enumerate(names):
+        if name in signals:
+            scatter = np.abs(np.diff(signals[name][band.keep], 4))
+            rows[row] = max(float(np.median(scatter)) / 0.6745, 0.1 * float(np.mean(scatter))) ** 2 / 70.0
+    return rows
 
 
 def spread_power(coefficients: Floats, frequency: Floats) -> Floats:

@@ -113,7 +113,7 @@ class GapResult:
             "next_measurement": None
             if self.advice is None
             else {"manoeuvre": self.advice.manoeuvre, "speed_kmh": self.advice.speed_kmh, "why": self.advice_why},
-            "noise": "from repeats" if self.noise_from_repeats else "floor above what is driven: there are no repeats",
+            "noise": "from repeats" if self.noise_from_repeats else "of the sensors alone: there are no repeats",
             "notes": list(self.notes),
         }
 

@@ -36,6 +36,14 @@ class Rules(NamedTuple):
     equal: float = 0.6  # an accepted rival with this share of the best one's strength could be it
 
 
+# A driver's torque holds what the road does to the wheel, which no angle explains: less can be put right.
+RULES = {
+    "vehicle": Rules(),
+    "rig": Rules(),
+    "drive": Rules(least_fidelity=0.2, second_fidelity=0.2, second_z=2.0),
+}
+
+
 class Judged(NamedTuple):
     """A candidate against the one that it extends, by the measures that the rules are about."""
 
@@ -128,12 +136,24 @@ def search(
     advance(note="nominal model")
     singles = _tried(judge, held, null, effects, rules, advance)
     first = _leader([s for s in singles if s.accepted(rules)])
-    if first is None:
-        return Search(null, singles, [], null)
+    alone = first is not None
+    if first is None:  # two effects can hide each other: neither puts much right without the other
+        promising = [s for s in singles if s.in_range and s.z > rules.least_z and s.delta_bic > rules.least_bic]
+        if not promising:
+            return Search(null, singles, [], null)
+        first = max(promising, key=lambda j: j.delta_bic)
     others = {name: effect for name, effect in effects.items() if name != first.name}
     pairs = _tried(judge, held, first.candidate, others, rules, advance)
-    second = _leader([p for p in pairs if p.accepted(rules, second=True)])
-    return Search(null, singles, pairs, first.candidate if second is None else second.candidate)
+    def together(pair: Judged) -> float:
+        new = pair.candidate
+        return fidelity(held, null.held_prediction, new.held_prediction, new.error)
+
+    second = _leader(
+        [p for p in pairs if p.accepted(rules, second=True) and (alone or together(p) > rules.least_fidelity)]
+    )
+    if second is not None:
+        return Search(null, singles, pairs, second.candidate)
+    return Search(null, singles, pairs, first.candidate if alone else null)
 
 
 def _leader(accepted: Sequence[Judged]) -> Judged | None:

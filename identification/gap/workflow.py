@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.campaign import Campaign
 from identification.gap.basis import NoiseSpectrum
+from identification.gap.drive_model import drive_model
 from identification.gap.fit import Judge, present_of
 from identification.gap.model import Model, Record
 from identification.gap.next_measurement import Advice, next_measurement
@@ -17,10 +18,10 @@ from identification.gap.rig_model import rig_model
 from identification.gap.search import Candidate
 from identification.gap.symptoms import Trace, symptoms
 from identification.gap.vehicle_model import VehicleModel, vehicle_model
-from identification.gap.verdict import Judged, Rules, Search, search
+from identification.gap.verdict import RULES, Judged, Rules, Search, search
 from steer_env.errors import InputError
 
-MODELS: dict[str, Callable[[Campaign], Model]] = {"vehicle": vehicle_model, "rig": rig_model}
+MODELS: dict[str, Callable[[Campaign], Model]] = {"vehicle": vehicle_model, "rig": rig_model, "drive": drive_model}
 FEWEST_SAMPLES = 400  # judged samples without which nothing is said
 # Held-out error, beyond the noise and over the rms of the signal, that an honest simple model may leave: what the
 # plain virtual cars leave without anything hidden, with a margin (``experiments.gap_study``).
@@ -33,7 +34,9 @@ HONEST = {
     "lateral_acceleration_mps2": 0.12,
     "lateral_speed_mps": 0.30,
     "sideslip_angle_rad": 0.30,
+    "motor_torque_Nm": 0.05,
 }
+HONEST_DRIVE = {"steering_torque_Nm": 0.6}  # the road and the driver's own small corrections
 HONEST_OTHERWISE = 0.1
 EXPLAINED = 0.8  # share of the structure that a verdict "effect" must take away where more than the honest rest is left
 
@@ -42,7 +45,7 @@ def find_gap(
     campaign: Campaign, jobs: int = 1, advance: Callable[..., None] = lambda **_: None, rules: Rules | None = None
 ) -> GapResult:
     """Find what the nominal model of a campaign misses; ``advance(note=...)`` is called along the way."""
-    rules = rules or Rules()
+    rules = rules or RULES[campaign.kind]
     model = MODELS[campaign.kind](campaign)
     fitted = [record for record in model.records if record.role == "identify"]
     held_out = [record for record in model.records if record.role == "validate"]
@@ -60,7 +63,8 @@ def find_gap(
     before, after = traces(model, held_out, found.null), traces(model, held_out, found.best)
     channels = normalised_gaps(before, after, noise_rms(fitted, held_out) or floor_rms(held))
     steps = accepted_steps(found)
-    verdict, reason = _verdict(steps, channels)
+    honest = HONEST_DRIVE if campaign.kind == "drive" else HONEST
+    verdict, reason = _verdict(steps, channels, honest)
     rivals = _rivals(found, steps, rules)
     advice, why = _advice(judge, model, found, rivals)
     return GapResult(
@@ -122,14 +126,16 @@ def accepted_steps(found: Search) -> list[Judged]:
     return steps
 
 
-def _verdict(steps: Sequence[Judged], channels: Mapping[str, ChannelGap]) -> tuple[str, str]:
-    """The verdict and why, in words."""
+def _verdict(
+    steps: Sequence[Judged], channels: Mapping[str, ChannelGap], honest: Mapping[str, float]
+) -> tuple[str, str]:
+    """The verdict and why, in words; ``honest`` says what a simple model may leave."""
     beyond = {
-        name: structure(g.after, g.noise) / HONEST.get(name, HONEST_OTHERWISE) for name, g in channels.items()
+        name: structure(g.after, g.noise) / honest.get(name, HONEST_OTHERWISE) for name, g in channels.items()
     }
     worst = max(beyond, key=lambda name: beyond[name])
     if steps:
-        before = sum((structure(g.before, g.noise) / HONEST.get(n, HONEST_OTHERWISE)) ** 2 for n, g in channels.items())
+        before = sum((structure(g.before, g.noise) / honest.get(n, HONEST_OTHERWISE)) ** 2 for n, g in channels.items())
         explained = 1.0 - sum(value**2 for value in beyond.values()) / max(before, 1e-300)
         names = " and ".join(step.name for step in steps)
         if beyond[worst] > 1.0 and explained < EXPLAINED:
@@ -202,5 +208,5 @@ def _advice(judge: Judge, model: Model, found: Search, rivals: Sequence[Judged])
 def _notes(campaign: Campaign, noise: NoiseSpectrum) -> list[str]:
     found = [f"{run.name}: {note}" for run in campaign.runs for note in run.notes]
     if not noise.from_repeats:
-        found.append("no manoeuvre was repeated: the noise is the floor where nothing is driven, so it may be too low")
+        found.append("no manoeuvre was repeated: only the white noise of the sensors is known, not the road's")
     return found

@@ -6,10 +6,11 @@ kind. It then exists in the environments, in the virtual test vehicle (``steer-e
 workflow, and is tested by being listed.
 """
 
+from steer_env.physics.effects.drive_table import DRIVE_EFFECTS
 from steer_env.physics.effects.effect import Effect, Plausible, SensorError
 from steer_env.physics.effects.rig_table import RIG_EFFECTS
 from steer_env.physics.effects.vehicle_table import VEHICLE_EFFECTS
 
-EFFECTS: dict[str, dict[str, Effect]] = {"vehicle": VEHICLE_EFFECTS, "rig": RIG_EFFECTS}
+EFFECTS: dict[str, dict[str, Effect]] = {"vehicle": VEHICLE_EFFECTS, "rig": RIG_EFFECTS, "drive": DRIVE_EFFECTS}
 
 __all__ = ["EFFECTS", "Effect", "Plausible", "SensorError"]

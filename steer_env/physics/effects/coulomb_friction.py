@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from steer_env.physics._jit import scalar
 from steer_env.physics.effects.effect import Effect, Plausible
-from steer_env.physics.effects.rig_moment import RigMoment
 from steer_env.units import Quantity
 
 TRAVEL = 1e-3  # rad of wind-up: below what an encoder on a wheel resolves well (our assumption)
@@ -19,13 +18,13 @@ class CoulombFriction(NamedTuple):
 
 
 @scalar
-def level(x: RigMoment, p: CoulombFriction) -> float:
+def level(x: Any, p: CoulombFriction) -> float:
     """Friction level in N m."""
     return p.level_Nm
 
 
 @scalar
-def travel(x: RigMoment, p: CoulombFriction) -> float:
+def travel(x: Any, p: CoulombFriction) -> float:
     """Wind-up in rad."""
     return 0.0 if p.level_Nm == 0.0 else TRAVEL
 

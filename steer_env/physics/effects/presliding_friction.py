@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from steer_env.physics._jit import scalar
 from steer_env.physics.effects.effect import Effect, Plausible
-from steer_env.physics.effects.rig_moment import RigMoment
 from steer_env.units import Quantity
 
 
@@ -18,13 +17,13 @@ class PreslidingFriction(NamedTuple):
 
 
 @scalar
-def level(x: RigMoment, p: PreslidingFriction) -> float:
+def level(x: Any, p: PreslidingFriction) -> float:
     """Friction level in N m."""
     return p.level_Nm
 
 
 @scalar
-def travel(x: RigMoment, p: PreslidingFriction) -> float:
+def travel(x: Any, p: PreslidingFriction) -> float:
     """Wind-up in rad."""
     return 0.0 if p.level_Nm == 0.0 else p.travel_rad
 
