@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identification.frf import Floats
 from identification.gap.evidence import fidelity, normalised
 from identification.gap.fit import Judge
-from identification.gap.search import LEAST_ERROR, Candidate, Screened, null_fit, refit, screen, settled
+from identification.gap.search import LEAST_ERROR, Candidate, Screened, null_fit, refit, screen, settled, unbent
 from steer_env.physics.effects import Effect
 
 NEARLY = 0.1  # share left wrong that is as good as none
@@ -30,7 +31,7 @@ class Rules(NamedTuple):
     least_bic: float = 10.0
     least_z: float = 2.0  # of the held-out gain over its scatter between blocks
     least_fidelity: float = 0.6
-    range_slack: float = 0.3  # relative width around the plausible range in which a name is still believed
+    range_slack: float = 0.5  # relative width around the plausible range in which a name is still believed
     second_fidelity: float = 0.65
     second_z: float = 3.0
     equal: float = 0.6  # an accepted rival with this share of the best one's strength could be it
@@ -164,6 +165,26 @@ def _leader(accepted: Sequence[Judged]) -> Judged | None:
     return max(alike, key=lambda j: j.delta_bic)
 
 
+def _unbent(
+    judge: Judge, held: Judge, effects: Mapping[str, Effect], error: Floats, chosen: Sequence[Screened]
+) -> list[tuple[Candidate, Screened]]:
+    """Effects that the nominal fit may have bent around, searched from afar."""
+    known = {s.effect.name: s for s in chosen}
+    return [
+        (unbent(judge, held, e, error), known.get(e.name, Screened(e, e.probes[0], 0.0, 0.0, [])))
+        for e in effects.values()
+        if e.bends
+    ]
+
+
+def _best_of_each(found: Sequence[tuple[Candidate, Screened]]) -> list[tuple[Candidate, Screened]]:
+    """The first, which is the best, of each name."""
+    kept: dict[str, tuple[Candidate, Screened]] = {}
+    for candidate, screened in found:
+        kept.setdefault(screened.effect.name, (candidate, screened))
+    return list(kept.values())
+
+
 def _promising(screened: Sequence[Screened], rules: Rules, fewest: int) -> list[Screened]:
     """What is worth a refit: candidates that by screening gain enough, alone and against the best."""
     best = screened[0].gain if screened else 0.0
@@ -187,7 +208,9 @@ def _tried(
     for screened in chosen:
         found.append((refit(judge, held, base, screened, error), screened))
         advance(note=screened.effect.name)
+    if not base.names:
+        found += _unbent(judge, held, effects, error, chosen)
     found.sort(key=lambda pair: float(pair[0].fitted.loglik.sum()), reverse=True)
-    final = [(settled(judge, held, c) if k == 0 else c, s) for k, (c, s) in enumerate(found)]
+    final = [(settled(judge, held, c) if k == 0 else c, s) for k, (c, s) in enumerate(_best_of_each(found))]
     result = [judged(judge, held, base, c, s, rules) for c, s in final]
     return sorted(result, key=lambda j: j.strength, reverse=True)

@@ -31,5 +31,6 @@ VEHICLE = Effect(
     plausible={"torque_Nm": Plausible(0.1, 1.0)},
     probes=({"torque_Nm": 0.3}, {"torque_Nm": 0.8}),
     ports={"assist_input": withheld},
+    bends=True,
     shows_in="steepness on centre",
 )

@@ -33,5 +33,6 @@ VEHICLE = Effect(
     plausible={"torque_Nm": Plausible(2.0, 40.0)},
     probes=tuple({"torque_Nm": level} for level in (3.0, 6.0, 10.0, 16.0, 24.0)),
     ports={"assist_output": cut},
+    bends=True,
     shows_in="off centre, heavy at large load",
 )

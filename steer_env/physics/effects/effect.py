@@ -38,8 +38,9 @@ class Effect(NamedTuple):
     nothing. ``plausible`` covers the published parameters; a field without an entry is a shape of ours that is fitted
     but not judged. ``ports`` are pure scalar functions (moment, parameters) -> float by the name of the port where
     the effect enters; ``sensor`` is set instead where it lies in the measurement. ``probes`` are parameter values
-    from which the search starts. ``needs`` are channels without which the effect cannot be told. ``size`` of the
-    parameters must be at least ``least_size``, where no single parameter says how large the effect is.
+    from which the search starts. ``needs`` are channels without which the effect cannot be told. ``bends``: the
+    nominal parameters can bend so far to hide it that it must also be searched from where they are believed to be.
+    ``size`` of the parameters must be at least ``least_size``, where no single one says how large the effect is.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Effect(NamedTuple):
     sensor: SensorError | None = None
     needs: tuple[str, ...] = ()
     shows_in: str = ""
+    bends: bool = False
     size: Callable[[Any], float] | None = None
     least_size: float = 0.0
 
