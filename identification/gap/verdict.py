@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identification.frf import Floats
 from identification.gap.evidence import fidelity, normalised
 from identification.gap.fit import Judge
 from identification.gap.search import LEAST_ERROR, Candidate, Screened, null_fit, refit, screen, settled, unbent
@@ -137,6 +136,9 @@ def search(
     advance(note="nominal model")
     singles = _tried(judge, held, null, effects, rules, advance)
     first = _leader([s for s in singles if s.accepted(rules)])
+    if first is None:
+        singles = _with_unbent(judge, held, null, singles, effects, rules)
+        first = _leader([s for s in singles if s.accepted(rules)])
     alone = first is not None
     if first is None:  # two effects can hide each other: neither puts much right without the other
         promising = [s for s in singles if s.in_range and s.z > rules.least_z and s.delta_bic > rules.least_bic]
@@ -165,24 +167,20 @@ def _leader(accepted: Sequence[Judged]) -> Judged | None:
     return max(alike, key=lambda j: j.delta_bic)
 
 
-def _unbent(
-    judge: Judge, held: Judge, effects: Mapping[str, Effect], error: Floats, chosen: Sequence[Screened]
-) -> list[tuple[Candidate, Screened]]:
-    """Effects that the nominal fit may have bent around, searched from afar."""
-    known = {s.effect.name: s for s in chosen}
-    return [
-        (unbent(judge, held, e, error), known.get(e.name, Screened(e, e.probes[0], 0.0, 0.0, [])))
-        for e in effects.values()
-        if e.bends
-    ]
-
-
-def _best_of_each(found: Sequence[tuple[Candidate, Screened]]) -> list[tuple[Candidate, Screened]]:
-    """The first, which is the best, of each name."""
-    kept: dict[str, tuple[Candidate, Screened]] = {}
-    for candidate, screened in found:
-        kept.setdefault(screened.effect.name, (candidate, screened))
-    return list(kept.values())
+def _with_unbent(
+    judge: Judge, held: Judge, null: Candidate, singles: Sequence[Judged], effects: Mapping[str, Effect], rules: Rules
+) -> list[Judged]:
+    """The singles with those added, or bettered, that the nominal fit may have bent around: searched from afar."""
+    error = np.maximum(null.error, LEAST_ERROR)
+    kept = {j.name: j for j in singles}
+    for effect in effects.values():
+        if effect.bends:
+            screened = Screened(effect, effect.probes[0], 0.0, 0.0, [])
+            found = judged(judge, held, null, unbent(judge, held, effect, error), screened, rules)
+            before = kept.get(effect.name)
+            if before is None or found.delta_bic > before.delta_bic:
+                kept[effect.name] = found
+    return sorted(kept.values(), key=lambda j: j.strength, reverse=True)
 
 
 def _promising(screened: Sequence[Screened], rules: Rules, fewest: int) -> list[Screened]:
@@ -208,9 +206,7 @@ def _tried(
     for screened in chosen:
         found.append((refit(judge, held, base, screened, error), screened))
         advance(note=screened.effect.name)
-    if not base.names:
-        found += _unbent(judge, held, effects, error, chosen)
     found.sort(key=lambda pair: float(pair[0].fitted.loglik.sum()), reverse=True)
-    final = [(settled(judge, held, c) if k == 0 else c, s) for k, (c, s) in enumerate(_best_of_each(found))]
+    final = [(settled(judge, held, c) if k == 0 else c, s) for k, (c, s) in enumerate(found)]
     result = [judged(judge, held, base, c, s, rules) for c, s in final]
     return sorted(result, key=lambda j: j.strength, reverse=True)
