@@ -83,7 +83,7 @@ def _step_by_step(
     for k in range(len(signals)):
         command = np.array([float(controller(Observation(*seen[0].tolist())))])
         tables = (setup.table, setup.car_table)
-        results = (seen, scaled, signals[k : k + 1])
+        results: Any = (seen, scaled, signals[k : k + 1])
         batch.step_batch(command, noise[k : k + 1], *rows, *tables, scales, *results, setup.effects)
         if signals[k, unstable] > 0.5:
             return k + 1
