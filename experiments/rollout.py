@@ -83,8 +83,8 @@ def _step_by_step(
     for k in range(len(signals)):
         command = np.array([float(controller(Observation(*seen[0].tolist())))])
         tables = (setup.table, setup.car_table)
-        results: Any = (seen, scaled, signals[k : k + 1])
-        batch.step_batch(command, noise[k : k + 1], *rows, *tables, scales, *results, setup.effects)
+        results: Any = (seen, scaled, signals[k : k + 1], setup.effects)
+        batch.step_batch(command, noise[k : k + 1], *rows, *tables, scales, *results)
         if signals[k, unstable] > 0.5:
             return k + 1
     return len(signals)

@@ -9,13 +9,13 @@ import numpy as np
 
 from identification.frf import Floats
 from identification.gap.basis import ZONES_HZ
+from identification.gap.covariance import clustered_covariance
 from identification.gap.evidence import Blocks, blocks, error_of
 from identification.gap.fit import (
     FINE,
     Columns,
     Judge,
     Solution,
-    clustered_covariance,
     effect_unknowns,
     fit,
     stacked,

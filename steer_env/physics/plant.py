@@ -47,8 +47,8 @@ class PlantState(NamedTuple):
     wheel_friction: float
     pinion_friction: float
     motor_torque: float
-    rack_friction: float = 0.0
-    column_friction: float = 0.0
+    rack_friction: float
+    column_friction: float
 
 
 @scalar
