@@ -30,6 +30,7 @@ class Rules(NamedTuple):
     least_bic: float = 10.0
     least_z: float = 2.0  # of the held-out gain over its scatter between blocks
     least_fidelity: float = 0.6
+    sure: float = 0.8  # fidelity from which effects that the nominal fit may have bent around are not tried
     range_slack: float = 0.5  # relative width around the plausible range in which a name is still believed
     second_fidelity: float = 0.65
     second_z: float = 3.0
@@ -136,7 +137,7 @@ def search(
     advance(note="nominal model")
     singles = _tried(judge, held, null, effects, rules, advance)
     first = _leader([s for s in singles if s.accepted(rules)])
-    if first is None:
+    if first is None or first.fidelity < rules.sure:
         singles = _with_unbent(judge, held, null, singles, effects, rules)
         first = _leader([s for s in singles if s.accepted(rules)])
     alone = first is not None
