@@ -19,7 +19,7 @@ from identification.gap.model import Model, Record, Unknown
 from steer_env.physics.effects import Effect
 from steer_env.units import quantities
 
-ROUGH, FINE = 12, 8  # largest numbers of steps of a first fit and of a refit
+ROUGH, FINE = 30, 8  # largest numbers of steps of a first fit and of a refit
 ENOUGH = 0.5  # of twice the log-likelihood: a step that gains less ends a fit
 SHAPE_PRIOR = 1.0  # of the logarithm of a shape parameter that has no plausible range
 FAR = 5.0  # prior of an amplitude: this many times the largest plausible one, only to keep singular fits still
