@@ -30,6 +30,7 @@ from experiments.hidden_campaign import (
 from steer_env import atomic
 from steer_env.errors import InputError
 from steer_env.testcar import truth
+from steer_env.testcar.bench import bench_campaign
 from steer_env.testcar.campaign_writer import campaign_toml, run_file, write_run
 from steer_env.testcar.drive import drive, generator_of
 from steer_env.testcar.parameters import VirtualCar
@@ -193,6 +194,13 @@ def finished(out: Path, key: str) -> dict[str, Any] | None:
     help=f"With --hide: what is driven, of {', '.join(('frequency_response', *SHARES))}.",
 )
 @click.option("--vehicle", type=click.Choice(["plain", "random"]), default="plain", help="With --hide: the car.")
+@click.option(
+    "--kind",
+    type=click.Choice(["vehicle", "rig"]),
+    default="vehicle",
+    show_default=True,
+    help="With --hide: a car, or a force-feedback motor on a bench with its own catalogue.",
+)
 @common_options
 def command(
     speeds_kmh: tuple[float, ...],
@@ -201,6 +209,7 @@ def command(
     hidden: tuple[str, ...],
     manoeuvres: str,
     vehicle: str,
+    kind: str,
     out: Path,
     seed: int,
     jobs: int,
@@ -208,6 +217,9 @@ def command(
     as_json: bool,
 ) -> None:
     """Drive the virtual test vehicle through the paper's manoeuvres and write a campaign."""
+    if kind == "rig":
+        _hide_in_bench(hidden or ("none",), seed, repeats, out, as_json)
+        return
     if hidden:
         _hide(hidden, Order(speeds_kmh, repeats, seed, clean), manoeuvres, vehicle, out, jobs, quiet, as_json)
         return
@@ -256,6 +268,19 @@ def _hide(
         (folder / "runs").mkdir(exist_ok=True)
         hidden_campaign(folder, present, car, order.seed, order.speeds_kmh, order.repeats, driven, jobs, advance)
     write_answer(out, present, order.seed)
+    _say_where(out, as_json)
+
+
+def _hide_in_bench(texts: tuple[str, ...], seed: int, repeats: int, out: Path, as_json: bool) -> None:
+    """The same for the virtual bench."""
+    present = parse_hidden(texts, seed, "rig")
+    with atomic.folder(out) as folder:
+        bench_campaign(folder, present, seed, repeats)
+    write_answer(out, present, seed)
+    _say_where(out, as_json)
+
+
+def _say_where(out: Path, as_json: bool) -> None:
     if as_json:
         print_json({"campaign": str(out / "campaign.toml"), "answer": str(answer_path(out))})
         return

@@ -61,7 +61,7 @@ def time_traces(result: GapResult, channel: str) -> go.Figure:
         measured = before.measured[channel][here][::step]
         first = column == 1
         curves = [("before", before, BEFORE), ("after", after, AFTER)]
-        _line(figure, "measured", t, measured, DATA, 1, column, first)
+        _line(figure, "measured", t, measured, DATA, 1, column, first, 3.0 * LINE_WIDTH)
         for label, trace, colour in curves:
             simulated = trace.simulated[channel][here][::step]
             _line(figure, label, t, simulated, colour, 1, column, first)
@@ -85,7 +85,8 @@ def loops(result: GapResult, channel: str) -> go.Figure:
         state, x = next(iter(before.states.items()))
         step = max(1, (before.keep.stop - before.keep.start) // MOST_POINTS)
         angle = x[before.keep][::step]
-        _line(figure, "measured", angle, before.measured[channel][before.keep][::step], DATA, 1, column, column == 1)
+        measured = before.measured[channel][before.keep][::step]
+        _line(figure, "measured", angle, measured, DATA, 1, column, column == 1, 3.0 * LINE_WIDTH)
         for label, trace, colour in (("before", before, BEFORE), ("after", after, AFTER)):
             _line(figure, label, angle, trace.simulated[channel][before.keep][::step], colour, 1, column, column == 1)
         figure.update_xaxes(title=f"{state} (rad)" if "angle" in state else state, row=1, col=column)
@@ -170,12 +171,17 @@ def ranking(result: GapResult) -> go.Figure:
     return figure
 
 
-def _line(figure: go.Figure, name: str, x: object, y: object, colour: str, row: int, col: int, legend: bool) -> None:
+def _line(
+    figure: go.Figure, name: str, x: object, y: object, colour: str, row: int, col: int, legend: bool,
+    width: float = LINE_WIDTH,
+) -> None:  # fmt: skip
+    """A line; what is measured lies broad under what is simulated."""
     figure.add_scatter(
-        x=x, y=y, name=name, mode="lines", line={"color": colour, "width": LINE_WIDTH}, legendgroup=name,
+        x=x, y=y, name=name, mode="lines", line={"color": colour, "width": width}, legendgroup=name,
         showlegend=legend, row=row, col=col,
     )  # fmt: skip
 
 
 def _title(trace: Trace) -> str:
-    return f"{trace.manoeuvre.replace('_', ' ')}<br>{trace.group:g} km/h"
+    what = trace.name.split("/")[-1] if trace.group == 0.0 else f"{trace.group:g} km/h"
+    return f"{trace.manoeuvre.split('/')[-1].replace('_', ' ')}<br>{what}"
