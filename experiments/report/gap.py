@@ -63,6 +63,9 @@ def _before_and_after(report: Report, result: GapResult) -> None:
     for name in worst[:2]:
         report.figure(figures.time_traces(result, name), f"{name} in time; below, the residuals.")
     report.figure(figures.loops(result, worst[0]), f"{worst[0]} over the lead angle: what a person would feel.")
+    frf = figures.responses(result, worst[0])
+    if frf is not None:
+        report.figure(frf, f"Frequency response of {worst[0]} to the steering angle in held-out sweeps.")
     report.figure(figures.spectra(result, worst[:3]), "Residuals over frequency, with the noise.")
     report.figure(
         figures.residual_map(result, worst[0]),
