@@ -177,8 +177,8 @@ def refit(judge: Judge, held: Judge, base: Candidate, chosen: Screened, error: F
     return judged_candidate((*base.names, chosen.effect.name), solution, judge, held)
 
 
-def unbent(judge: Judge, held: Judge, effect: Effect, error: Floats) -> Candidate:
-    """The effect beside the nominal unknowns, searched from where these are believed and from its middle probe."""
-    more, start = effect_unknowns(effect, effect.probes[len(effect.probes) // 2])
+def unbent(judge: Judge, held: Judge, effect: Effect, probe: Mapping[str, float], error: Floats) -> Candidate:
+    """The effect beside the nominal unknowns, searched from where these are believed and from a probe."""
+    more, start = effect_unknowns(effect, probe)
     solution = fit(judge, (*judge.model.unknowns, *more), error, start)
     return judged_candidate((effect.name,), solution, judge, held)

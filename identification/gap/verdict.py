@@ -168,13 +168,15 @@ def _leader(accepted: Sequence[Judged]) -> Judged | None:
 def _unbent(
     judge: Judge, held: Judge, effects: Mapping[str, Effect], error: Floats, chosen: Sequence[Screened]
 ) -> list[tuple[Candidate, Screened]]:
-    """Effects that the nominal fit may have bent around, searched from afar."""
+    """Effects that the nominal fit may have bent around, searched from afar: from the probe that screening prefers."""
     known = {s.effect.name: s for s in chosen}
-    return [
-        (unbent(judge, held, e, error), known.get(e.name, Screened(e, e.probes[0], 0.0, 0.0, [])))
-        for e in effects.values()
-        if e.bends
-    ]
+    found = []
+    for effect in effects.values():
+        if effect.bends:
+            middle = Screened(effect, effect.probes[len(effect.probes) // 2], 0.0, 0.0, [])
+            screened = known.get(effect.name, middle)
+            found.append((unbent(judge, held, effect, screened.probe, error), screened))
+    return found
 
 
 def _best_of_each(found: Sequence[tuple[Candidate, Screened]]) -> list[tuple[Candidate, Screened]]:

@@ -1,4 +1,4 @@
-"""The catalogues of the bench motor and of a drive's log: absent means nothing, units and ranges, both kinds of code."""
+"""The catalogues of bench motor and drive: absent means nothing, units and ranges, Python as compiled code."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def at_rig_ports(angle, rate, share, row):
     x = RigMoment(angle, rate)
     return (
         rig_ports.torque(x, row), rig_ports.friction_level(x, row), rig_ports.friction_travel(x, row),
-        rig_ports.half_gap(x, row),
+        rig_ports.half_gap(x, row), rig_ports.wheel_share(x, row),
     )  # fmt: skip
 
 
@@ -53,6 +53,7 @@ def at_drive_ports(angle, rate, share, row):
 
 
 PLAIN = {"rig": at_rig_ports, "drive": at_drive_ports}
+ABSENT = {"rig": (0.0,) * 5, "drive": (0.0,) * 4}
 MACHINE = {kind: compiled(function) for kind, function in PLAIN.items()}
 
 
@@ -93,8 +94,8 @@ def test_without_amplitude_an_effect_is_absent_to_the_bit(effect: Effect) -> Non
     on = ROWS[effect.kind]({effect.name: effect.probes[-1]})
     function = PLAIN[effect.kind]
     for motion in MOTIONS:
-        assert function(*motion, off) == function(*motion, None) == (0.0,) * 4
-    assert any(function(*motion, on) != (0.0,) * 4 for motion in MOTIONS)
+        assert function(*motion, off) == function(*motion, None) == ABSENT[effect.kind]
+    assert any(function(*motion, on) != ABSENT[effect.kind] for motion in MOTIONS)
 
 
 @pytest.mark.parametrize("effect", MECHANICAL)
