@@ -102,8 +102,8 @@ def drive(
     car: ReferenceParameters,
     out: Array,
 ) -> None:
-    """Fill out [n, 11] with states after each period; ``without_memory`` has no Dahl stiffness."""
-    x = PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """Fill out [n, 13] with states after each period; ``without_memory`` has no Dahl stiffness."""
+    x = PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     h = PERIOD / substeps
     decay = lag_decay(bandwidth_Hz, 0.5 * h)
     for k in range(len(targets)):
@@ -125,13 +125,15 @@ def drive(
                 dahl_step(x.wheel_friction, wheel, steering.M_s_fric, steering.c_s_fric),
                 dahl_step(x.pinion_friction, pinion, steering.M_fric, steering.c_fric),
                 y.motor_torque,
+                0.0,
+                0.0,
             )
         for j in range(len(x)):
             out[k, j] = x[j]
 
 
 def run(case: Case, inputs: tuple[Array, Array], substeps: int, frozen: bool = False) -> Array:
-    """States [n, 11] after each period."""
+    """States [n, 13] after each period."""
     hands, targets = inputs
     out = np.zeros((len(targets), len(PlantState._fields)))
     around = (case.bandwidth_Hz, case.speed, case.rack_share, case.steering)

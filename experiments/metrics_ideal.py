@@ -163,7 +163,7 @@ def _step(
     friction = _reference_friction(x, pinion, p)
     return PlantState(
         wheel, wheel_rate, pinion, pinion_rate, t.lateral_speed, t.yaw_rate, t.slip_front, t.slip_rear,
-        wheel_friction, friction, 0.0,
+        wheel_friction, friction, 0.0, 0.0, 0.0,
     )  # fmt: skip
 
 
@@ -172,7 +172,7 @@ def _ideal_drive(speeds: Array, p_row: Array, table: Array, car_table: Array, dr
     s_row = np.zeros(_STATE_SIZE)
     steering, driver = _steering(p_row), _driver(p_row)
     episode, manoeuvre = _episode(p_row), _manoeuvre(p_row)
-    x = PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    x = PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     known = -1.0
     for k in range(speeds.shape[0]):
         if speeds[k] != known:

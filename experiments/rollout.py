@@ -63,7 +63,7 @@ def run(
     if hasattr(controller, "law"):
         rows = (parameters[0], states[0], lines[0], setup.table, setup.car_table)
         start = (controller.state(), controller.parameters, first_observation(setup))
-        ran = rollout_of(controller.law)(*start, noise, *rows, signals)
+        ran = rollout_of(controller.law)(*start, noise, *rows, signals, setup.effects)
     else:
         ran = _step_by_step(controller, setup, noise, (parameters, states, lines), signals)
     unstable = signals[ran - 1, Truth._fields.index("unstable")] > 0.5
@@ -83,7 +83,8 @@ def _step_by_step(
     for k in range(len(signals)):
         command = np.array([float(controller(Observation(*seen[0].tolist())))])
         tables = (setup.table, setup.car_table)
-        batch.step_batch(command, noise[k : k + 1], *rows, *tables, scales, seen, scaled, signals[k : k + 1])
+        results: Any = (seen, scaled, signals[k : k + 1], setup.effects)
+        batch.step_batch(command, noise[k : k + 1], *rows, *tables, scales, *results)
         if signals[k, unstable] > 0.5:
             return k + 1
     return len(signals)

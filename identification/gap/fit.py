@@ -19,7 +19,7 @@ from identification.gap.model import Model, Record, Unknown
 from steer_env.physics.effects import Effect
 from steer_env.units import quantities
 
-ROUGH, FINE = 12, 8  # largest numbers of steps of a first fit and of a refit
+ROUGH, FINE = 30, 8  # largest numbers of steps of a first fit and of a refit
 ENOUGH = 0.5  # of twice the log-likelihood: a step that gains less ends a fit
 SHAPE_PRIOR = 1.0  # of the logarithm of a shape parameter that has no plausible range
 FAR = 5.0  # prior of an amplitude: this many times the largest plausible one, only to keep singular fits still
@@ -169,35 +169,6 @@ def stacked(parts: Sequence[Floats | None], weights: Sequence[Floats]) -> Floats
         there = ~np.isnan(weight)
         flat.append(np.zeros(int(there.sum())) if part is None else (part * weight)[there])
     return np.concatenate(flat)
-
-
-def clustered_covariance(judge: Judge, solution: Solution, error: Floats) -> Floats:
-    """Covariance of a solution whose residual is coherent within a record, channel and zone of frequency.
-
-    Model error is: it has one sign over a whole manoeuvre. The larger of this and what independent errors give.
-    """
-    weights = [1.0 / np.sqrt(v) for v in judge.variance(error)]
-    body = np.column_stack([stacked(column, weights) for column in solution.jacobian])
-    prior = 1.0 / np.array([u.prior for u in solution.unknowns]) ** 2
-    inverse = np.linalg.pinv(np.nan_to_num(body.T @ body) + np.diag(prior), hermitian=True)
-    clusters = []
-    for measured, predicted, weight, band in zip(
-        judge.measured, solution.predicted, weights, judge.bands, strict=True
-    ):
-        there = ~np.isnan(weight)
-        zone = np.broadcast_to(error_zone(band.frequency), weight.shape)[there]
-        row = np.broadcast_to(np.arange(weight.shape[0])[:, None], weight.shape)[there]
-        clusters.append((row * 10 + zone, ((measured - predicted) * weight)[there]))
-    scores, start = [], 0
-    for place, left in clusters:
-        part = body[start : start + left.size] * left[:, None]
-        scores += [part[place == k].sum(axis=0) for k in np.unique(place)]
-        start += left.size
-    table = np.array(scores)
-    coherent = inverse @ (table.T @ table) @ inverse
-    larger = np.sqrt(np.maximum(np.diag(coherent) / np.maximum(np.diag(inverse), 1e-300), 1.0))
-    scaled: Floats = inverse * np.outer(larger, larger)
-    return scaled
 
 
 def fit(

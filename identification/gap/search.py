@@ -9,19 +9,20 @@ import numpy as np
 
 from identification.frf import Floats
 from identification.gap.basis import ZONES_HZ
+from identification.gap.covariance import clustered_covariance
 from identification.gap.evidence import Blocks, blocks, error_of
 from identification.gap.fit import (
     FINE,
     Columns,
     Judge,
     Solution,
-    clustered_covariance,
     effect_unknowns,
     fit,
     stacked,
 )
 from steer_env.physics.effects import Effect
 
+FIRST_ERRORS = (0.03, 0.005)  # relative model errors with which a nominal fit begins
 LEAST_ERROR = 0.002  # relative model error that is always allowed for: no fit is held to the last noise bit
 PASSES, ENOUGH = 6, 2.0  # refits until the log-likelihood gains less than this
 MANY = 8  # probes from which on an effect is scanned on a few records first
@@ -90,9 +91,16 @@ def settled(judge: Judge, held: Judge, base: Candidate) -> Candidate:
 
 
 def null_fit(judge: Judge, held: Judge) -> Candidate:
-    """The nominal model alone, its allowed model error found along the way."""
-    solution = fit(judge, judge.model.unknowns, np.full((len(judge.names), len(ZONES_HZ) + 1), 0.03))
-    return settled(judge, held, judged_candidate((), solution, judge, held))
+    """The nominal model alone, its allowed model error found along the way.
+
+    A zone that one fit leaves badly is given up by the next, which then never mends it; so the search starts from more
+    than one idea of the model error and keeps the likeliest end.
+    """
+    ends = []
+    for first in FIRST_ERRORS:
+        solution = fit(judge, judge.model.unknowns, np.full((len(judge.names), len(ZONES_HZ) + 1), first))
+        ends.append(settled(judge, held, judged_candidate((), solution, judge, held)))
+    return max(ends, key=lambda c: float(c.fitted.loglik.sum()))
 
 
 def screen(judge: Judge, base: Candidate, effects: Mapping[str, Effect], error: Floats) -> list[Screened]:

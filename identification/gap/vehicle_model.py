@@ -29,7 +29,9 @@ OUTPUTS = (
     "lateral_speed_mps",
     "sideslip_angle_rad",
 )
-BUS = tuple(name for name in OUTPUTS if name not in ("steering_torque_Nm", "rack_force_N"))
+# Ordinary lateness against the steering angle, by who logs a channel: the car's bus as a whole, the robot's torque
+# sensor, strain gauges. A few milliseconds between loggers are nothing that a model misses.
+LATE_BY = {"steering_torque_Nm": "delay_wheel_torque", "rack_force_N": "delay_rack_force"}
 # s of the Runge-Kutta step: errs by 0.1 % of the torsion-bar torque in a sweep, a tenth of the noise; and radians of
 # the front tyre's relaxation that a step may cover (2.8 is where it turns unstable).
 LONGEST_STEP, LARGEST_TURN = 3.4e-3, 1.8
@@ -59,6 +61,8 @@ def unknowns_of(vehicle: KnownVehicle, steering: KnownSteering, speeds_kmh: tupl
         Unknown("sigma_assist", 1.8, 0.3, 12.0, 0.5),
         Unknown("J_wheel", wheel, 0.2 * wheel, 3.0 * wheel, 0.3),
         Unknown("delay_bus", 0.0, -0.02, 0.04, 0.004, log=False),
+        Unknown("delay_wheel_torque", 0.0, -0.03, 0.03, 0.004, log=False),
+        Unknown("delay_rack_force", 0.0, -0.03, 0.03, 0.004, log=False),
     ]
     scheduled = [
         ("J_ref", 0.06, 0.005, 0.6, 0.5, True),
@@ -140,7 +144,7 @@ class VehicleModel:
 
     def _logged(self, name: str, true: Floats, dt: float, values: Values, present: Present) -> Floats:
         """What a logger makes of a true signal: gain, offset, lateness."""
-        delay = values["delay_bus"] if name in BUS else 0.0
+        delay = values[LATE_BY.get(name, "delay_bus")]
         signal = true
         for effect, parameters in present.items():
             sensor = self.effects[effect].sensor if effect in self.effects else EFFECTS["vehicle"][effect].sensor
@@ -176,8 +180,10 @@ class VehicleModel:
             angle = band_limited(record.inputs[LEAD], record.dt, min(INPUT_HZ, 0.38 / record.dt))
             rate = angle.rate()
             per_sample = 2 * substeps
+            # The wheel's inertia makes torque of the angle's noise, so it sees no more of it than is judged.
+            slow = band_limited(record.inputs[LEAD], record.dt, min(BAND_HZ, 0.38 / record.dt)).rate()
             self._inputs[key] = (
-                angle.fine(per_sample), rate.fine(per_sample), rate.signal(), rate.rate().signal(),
+                angle.fine(per_sample), rate.fine(per_sample), slow.signal(), slow.rate().signal(),
             )  # fmt: skip
         return self._inputs[key]
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identification.frf import Floats
 from identification.gap.evidence import fidelity, normalised
 from identification.gap.fit import Judge
 from identification.gap.search import LEAST_ERROR, Candidate, Screened, null_fit, refit, screen, settled, unbent
@@ -31,6 +30,7 @@ class Rules(NamedTuple):
     least_bic: float = 10.0
     least_z: float = 2.0  # of the held-out gain over its scatter between blocks
     least_fidelity: float = 0.6
+    sure: float = 0.8  # fidelity from which effects that the nominal fit may have bent around are not tried
     range_slack: float = 0.5  # relative width around the plausible range in which a name is still believed
     second_fidelity: float = 0.65
     second_z: float = 3.0
@@ -137,6 +137,9 @@ def search(
     advance(note="nominal model")
     singles = _tried(judge, held, null, effects, rules, advance)
     first = _leader([s for s in singles if s.accepted(rules)])
+    if first is None or first.fidelity < rules.sure:
+        singles = _with_unbent(judge, held, null, singles, effects, rules)
+        first = _leader([s for s in singles if s.accepted(rules)])
     alone = first is not None
     if first is None:  # two effects can hide each other: neither puts much right without the other
         promising = [s for s in singles if s.in_range and s.z > rules.least_z and s.delta_bic > rules.least_bic]
@@ -165,26 +168,22 @@ def _leader(accepted: Sequence[Judged]) -> Judged | None:
     return max(alike, key=lambda j: j.delta_bic)
 
 
-def _unbent(
-    judge: Judge, held: Judge, effects: Mapping[str, Effect], error: Floats, chosen: Sequence[Screened]
-) -> list[tuple[Candidate, Screened]]:
-    """Effects that the nominal fit may have bent around, searched from afar: from the probe that screening prefers."""
-    known = {s.effect.name: s for s in chosen}
-    found = []
+def _with_unbent(
+    judge: Judge, held: Judge, null: Candidate, singles: Sequence[Judged], effects: Mapping[str, Effect], rules: Rules
+) -> list[Judged]:
+    """The singles with those added, or bettered, that the nominal fit may have bent around: searched from afar."""
+    error = np.maximum(null.error, LEAST_ERROR)
+    kept = {j.name: j for j in singles}
     for effect in effects.values():
         if effect.bends:
+            before = kept.get(effect.name)
             middle = Screened(effect, effect.probes[len(effect.probes) // 2], 0.0, 0.0, [])
-            screened = known.get(effect.name, middle)
-            found.append((unbent(judge, held, effect, screened.probe, error), screened))
-    return found
-
-
-def _best_of_each(found: Sequence[tuple[Candidate, Screened]]) -> list[tuple[Candidate, Screened]]:
-    """The first, which is the best, of each name."""
-    kept: dict[str, tuple[Candidate, Screened]] = {}
-    for candidate, screened in found:
-        kept.setdefault(screened.effect.name, (candidate, screened))
-    return list(kept.values())
+            screened = middle if before is None else before.screened
+            candidate = unbent(judge, held, effect, screened.probe, error)
+            found = judged(judge, held, null, candidate, screened, rules)
+            if before is None or found.delta_bic > before.delta_bic:
+                kept[effect.name] = found
+    return sorted(kept.values(), key=lambda j: j.strength, reverse=True)
 
 
 def _promising(screened: Sequence[Screened], rules: Rules, fewest: int) -> list[Screened]:
@@ -210,9 +209,7 @@ def _tried(
     for screened in chosen:
         found.append((refit(judge, held, base, screened, error), screened))
         advance(note=screened.effect.name)
-    if not base.names:
-        found += _unbent(judge, held, effects, error, chosen)
     found.sort(key=lambda pair: float(pair[0].fitted.loglik.sum()), reverse=True)
-    final = [(settled(judge, held, c) if k == 0 else c, s) for k, (c, s) in enumerate(_best_of_each(found))]
+    final = [(settled(judge, held, c) if k == 0 else c, s) for k, (c, s) in enumerate(found)]
     result = [judged(judge, held, base, c, s, rules) for c, s in final]
     return sorted(result, key=lambda j: j.strength, reverse=True)

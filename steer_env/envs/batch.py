@@ -51,11 +51,12 @@ def step_batch(
     observations: Array,
     scaled: NDArray[np.float32],
     truths: Array,
+    effects: Any = None,
 ) -> None:
     """One period of n environments: commands [n] in N m, noise [n, 2].
 
     Fills observations [n, o] in SI, the same divided by ``scales`` [n, o] and clipped, and truths
-    [n, t].
+    [n, t]. ``effects`` is one row of the catalogue's effects for all plants, or None.
     """
     for i in range(commands.shape[0]):
         observation, truth = control_period(
@@ -67,6 +68,7 @@ def step_batch(
             lines[i],
             table,
             car_table,
+            effects,
         )
         for j in range(len(observation)):
             observations[i, j] = observation[j]
@@ -96,6 +98,7 @@ def step_vector(
     rewards: Array,
     clipped: NDArray[np.bool_],
     ended: NDArray[np.bool_],
+    effects: Any = None,
 ) -> tuple[int, int]:
     """One period of the n environments that are not skipped; (how many ended, lack noise).
 
@@ -119,6 +122,7 @@ def step_vector(
             lines[i],
             table,
             car_table,
+            effects,
         )
         for j in range(len(observation)):
             observations[i, j] = observation[j]
@@ -157,11 +161,12 @@ def make_rollout(law: Callable[[Observation, Any, Any], Any]) -> Callable[..., i
         table: Array,
         car_table: Array,
         truths: Array,
+        effects: Any = None,
     ) -> int:
         for k in range(truths.shape[0]):
             command, law_state = law(observation, law_state, law_parameters)
             observation, truth = control_period(
-                command, noise[k, 0], noise[k, 1], p_row, s_row, lines, table, car_table
+                command, noise[k, 0], noise[k, 1], p_row, s_row, lines, table, car_table, effects
             )
             for j in range(len(truth)):
                 truths[k, j] = truth[j]

@@ -19,6 +19,7 @@ from steer_env.physics import plant
 from steer_env.physics._jit import scalar
 from steer_env.physics.control_unit import Commands, Observation, control_unit_step
 from steer_env.physics.driver import Hand, driver_torque
+from steer_env.physics.effects.acting import bar_torques
 from steer_env.physics.motor import lag_decay, limited_command
 from steer_env.physics.reference import (
     ReferenceParameters,
@@ -28,7 +29,6 @@ from steer_env.physics.reference import (
     single_track_of,
 )
 from steer_env.physics.sensors import measured
-from steer_env.physics.steering import torsion_bar_torque
 from steer_env.physics.vehicle import lateral_acceleration
 
 RATE_LIMIT = 40.0  # rad/s: twice what a steering robot does, so the wheel has been thrown
@@ -110,8 +110,11 @@ def control_period(
     lines: Any,
     table: Any,
     car_table: Any,
+    effects: Any = None,
 ) -> tuple[Observation, Truth]:
     """Run one period with a motor command in N m; rows change in place; (observation, truth).
+
+    ``effects`` is the row of the catalogue's effects in the plant, or None.
 
     ``lines`` [4, 16] are the delay lines of LINES; ``table`` and ``car_table`` are references over
     speed. The two noises are standard normal draws handed in.
@@ -137,15 +140,19 @@ def control_period(
     decay = lag_decay(motor.bandwidth_Hz, 0.5 * h)
     x = _load_plant(s_row)
     for _ in range(SUBSTEPS):
-        x = plant.plant_step(x, target, decay, hand, speed, episode.rack_share, steering, driver, car, h)
+        x = plant.plant_step(x, target, decay, hand, speed, episode.rack_share, steering, driver, car, h, effects)
     _store_plant(s_row, x)
 
     q = plant.motion_of(x)
-    M_tb = torsion_bar_torque(q, steering)
-    ideal, error, cost = _judge(x, q, M_tb, hand, speed, p_row, s_row, reference, car)
+    M_tb, _ = bar_torques(
+        q.steering_angle, q.steering_rate, q.pinion_angle, q.pinion_rate, steering.c_tb, steering.b_tb, effects
+    )
+    ideal, error, cost = _judge(x, q, M_tb, hand, speed, p_row, s_row, reference, car, effects)
 
     lines[1, k & 15] = measured(x.pinion_angle, sensors.angle_step, sensors.angle_noise, noise_angle)
-    lines[2, k & 15] = measured(M_tb, sensors.torque_step, sensors.torque_noise, noise_torque)
+    lines[2, k & 15] = measured(
+        sensors.torque_gain * M_tb + sensors.torque_offset, sensors.torque_step, sensors.torque_noise, noise_torque
+    )
     lines[3, k & 15] = x.motor_torque
     sensed_at = (k - int(sensors.angle_delay)) & 15
     commands = Commands(limited, commands.last_1, commands.last_2, commands.last_3)
@@ -208,6 +215,7 @@ def _judge(
     s_row: Any,
     reference: ReferenceParameters,
     car: ReferenceParameters,
+    effects: Any,
 ) -> tuple[float, float, float]:
     """(ideal, true value minus it, cost): the generator fed with true signals, without delay."""
     episode, weights = _episode(p_row), _reward(p_row)
@@ -230,6 +238,7 @@ def _judge(
             _steering(p_row),
             _driver(p_row),
             car,
+            effects,
         )
         ideal, _, judge = impedance_step(
             x.pinion_angle,

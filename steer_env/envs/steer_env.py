@@ -152,6 +152,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._observation,
             self._scaled,
             self._truth,
+            self._setup.effects,
         )
         self._period += 1
         ended = COMPLETE if self._period >= self._setup.periods else ""

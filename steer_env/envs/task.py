@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.envs.layout import PARAMETERS, CarSpread, Episode, Reward
+from steer_env.envs.layout import LINE_LENGTH, PARAMETERS, CarSpread, Episode, Reward
 from steer_env.errors import InputError
 from steer_env.manoeuvres import MANOEUVRES, kind_of
 from steer_env.physics.driver import Driver
+from steer_env.physics.effects.vehicle_ports import MECHANICAL, effect_row
 from steer_env.physics.sensors import Sensors
 from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
 from steer_env.plants.amplitude import hand_amplitude, paper_acceleration, steering_amplitude
+from steer_env.plants.model_file import ExtendedModel, read_model
 from steer_env.plants.reference import steady_stiffness
 from steer_env.units import check_ranges, from_kmh
 
@@ -43,6 +45,8 @@ class Task:
     randomise: names out of RANDOMISABLE, "all", or nothing; drawn anew at each reset from the
         environment's own generator.
     car_spread: factors on the car, where it is not drawn.
+    model: a model.json of ``steer-env gap`` or an ExtendedModel: its reference, and its effects in the plant. Effects
+        of the basic assist, and errors of sensors that no plant here has, are left out.
     """
 
     plant: str | Plant = "EPAS"
@@ -59,6 +63,7 @@ class Task:
     sensors: Sensors | None = None
     reward: Reward = field(default_factory=Reward)
     car_spread: CarSpread = field(default_factory=CarSpread)
+    model: str | Path | ExtendedModel | None = None
 
     def changed(self, options: dict[str, Any]) -> Task:
         """The task with some choices replaced; an unknown name is an InputError."""
@@ -82,6 +87,7 @@ class Setup:
     car_table: NDArray[np.float64]
     reference: Reference
     plant: Plant
+    effects: NDArray[np.float64] | None = None
 
 
 def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
@@ -97,7 +103,11 @@ def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
             f"{task.manoeuvre!r} is not known",
             f"use {_suggest(task.manoeuvre, MANOEUVRES)}",
         )
-    reference = Reference.load(task.reference, task.linear)
+    model = read_model(task.model) if isinstance(task.model, (str, Path)) else task.model
+    if model is not None:
+        plant = with_sensor_errors(plant, model.effects, period)
+    named = task.reference if model is None else Reference(model.reference, source="model")
+    reference = Reference.load(named, task.linear)
     speeds = _speeds(task.speed_kmh, reference, rng if "speed" in chosen else None)
     if "driver" in chosen:
         driver = random_driver(rng)
@@ -130,7 +140,29 @@ def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
         check_ranges(part, name)
         row[PARAMETERS[name]] = part
     car = reference if task.car is None else Reference.load(task.car)
-    return Setup(row, round(length / period), reference.table, car.table, reference, believed)
+    effects = None if model is None or not MECHANICAL.keys() & model.effects.keys() else effect_row(model.effects)
+    return Setup(row, round(length / period), reference.table, car.table, reference, believed, effects)
+
+
+def with_sensor_errors(plant: Plant, effects: Mapping[str, Mapping[str, float]], period: float) -> Plant:
+    """The plant with the sensor errors of a model: gain and offset of the torque, latencies in whole periods."""
+    s = plant.sensors
+
+    def periods(name: str) -> float:
+        return float(round(effects[name]["delay_s"] / period)) if name in effects else 0.0
+
+    delays = {
+        "angle_delay": s.angle_delay + periods("latency_pinion"),
+        "torque_delay": s.torque_delay + periods("latency_torque"),
+    }
+    for name, delay in delays.items():
+        if delay >= LINE_LENGTH:
+            raise InputError(
+                "model", f"{name} is {1e3 * delay * period:g} ms", f"an environment remembers {LINE_LENGTH - 1} ms"
+            )
+    gain = effects.get("torque_gain", {}).get("ratio", 1.0)
+    offset = effects.get("torque_offset", {}).get("Nm", 0.0)
+    return replace(plant, sensors=s._replace(torque_gain=gain, torque_offset=offset, **delays))
 
 
 def _manoeuvre(task: Task, driver: Driver, speed: float, reference: Reference, rng: np.random.Generator | None) -> Any:

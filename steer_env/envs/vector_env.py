@@ -114,7 +114,8 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
         given: Any = (self._shares, self._rated_torque, self._skip, self._noise, self._next_noise, self._left)
         rows, tables = cast(Any, self._rows), cast(Any, (self._table, self._car_table, self._scales))
         results: Any = (self._observation, self._scaled, self._truth, self._reward, self._clipped, self._ended)
-        self._n_ended, self._n_lacking = batch.step_vector(*given, *rows, *tables, *results)
+        effects = cast(Any, (self._effects,))
+        self._n_ended, self._n_lacking = batch.step_vector(*given, *rows, *tables, *results, *effects)
         if over is not None:
             self._skip[:] = False
         terminated = np.zeros(self.num_envs, np.bool_)
@@ -191,7 +192,7 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
 
     def _keep(self, task: Task) -> None:
         setup = prepare(task, np.random.default_rng(0), PERIOD)
-        self.task, self._table, self._car_table = task, setup.table, setup.car_table
+        self.task, self._table, self._car_table, self._effects = task, setup.table, setup.car_table, setup.effects
 
     def _infos(self, ended: NDArray[Any]) -> Infos:
         infos: Infos = dict(zip(Truth._fields, self._truth.T, strict=True))

@@ -16,20 +16,25 @@ would miss by 0.06 to 0.18 N m (EPAS): exact friction at every stage is what mak
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from steer_env.physics import vehicle
 from steer_env.physics._jit import scalar
 from steer_env.physics.driver import Driver, Hand, driver_torque
+from steer_env.physics.effects import vehicle_ports as ports
+from steer_env.physics.effects.acting import bar_torques, column_after, front_axle, pinion_moment, scrub_after
 from steer_env.physics.friction import dahl_step, lugre_torque, stribeck_level
 from steer_env.physics.motor import lag_step
 from steer_env.physics.reference import ReferenceParameters, reference_load, single_track_of
-from steer_env.physics.steering import Steering, SteeringMotion, moved, steering_rates
+from steer_env.physics.steering import Steering, SteeringMotion, moved, steering_rates, steering_rates_with
 from steer_env.physics.vehicle import SingleTrackState, rk4_mean
 
 
 class PlantState(NamedTuple):
-    """SI: rad, rad/s, m/s, rad, N m. Friction torques resist positive motion when positive."""
+    """SI: rad, rad/s, m/s, rad, N m. Friction torques resist positive motion when positive.
+
+    The last two belong to effects of the catalogue and stay zero without them.
+    """
 
     steering_angle: float
     steering_rate: float
@@ -42,6 +47,8 @@ class PlantState(NamedTuple):
     wheel_friction: float
     pinion_friction: float
     motor_torque: float
+    rack_friction: float
+    column_friction: float
 
 
 @scalar
@@ -57,8 +64,10 @@ def track_of(x: PlantState) -> SingleTrackState:
 
 
 @scalar
-def bristle_torque(torque: float, displacement: float, rate: float, p: Steering) -> float:
+def bristle_torque(torque: float, displacement: float, rate: float, p: Steering, extra: float = 0.0) -> float:
     """Bristle torque of the lower body in N m after a displacement in rad, sliding at ``rate``.
+
+    ``extra`` in N m is added to the level (effects of the catalogue).
 
     Dahl (Eq. 15), or LuGre where the level at rest is higher: with z = M / c_fric LuGre's bristle obeys the same
     equation with the level of the present rate in place of M_C.
@@ -66,7 +75,7 @@ def bristle_torque(torque: float, displacement: float, rate: float, p: Steering)
     level = p.M_fric
     if p.M_fric_extra > 0.0:
         level = stribeck_level(rate, p.M_fric, p.M_fric + p.M_fric_extra, p.stribeck_rate)
-    return dahl_step(torque, displacement, level, p.c_fric)
+    return dahl_step(torque, displacement, level + extra, p.c_fric)
 
 
 @scalar
@@ -91,31 +100,45 @@ def plant_rates(
     steering: Steering,
     driver: Driver,
     car: ReferenceParameters,
+    row: Any = None,
 ) -> tuple[SteeringMotion, SingleTrackState]:
-    """Derivatives at ``q``, ``v`` reached one way from ``start``; ``rack_share`` 0: no rack."""
-    wheel_friction = dahl_step(
-        start.wheel_friction,
-        q.steering_angle - start.steering_angle,
-        steering.M_s_fric,
-        steering.c_s_fric,
-    )
+    """Derivatives at ``q``, ``v`` reached one way from ``start``; ``rack_share`` 0: no rack.
+
+    ``row`` holds effects of the catalogue (``vehicle_ports.effect_row``) or is None.
+    """
+    turned = q.steering_angle - start.steering_angle
     travel = q.pinion_angle - start.pinion_angle
-    held = bristle_torque(start.pinion_friction, travel, q.pinion_rate, steering)
+    at_pinion = pinion_moment(q.pinion_angle, q.pinion_rate, speed)
+    wheel_friction = dahl_step(start.wheel_friction, turned, steering.M_s_fric, steering.c_s_fric)
+    extra = ports.pinion_friction_level(at_pinion, row)
+    held = bristle_torque(start.pinion_friction, travel, q.pinion_rate, steering, extra)
     pinion_friction = held + bristle_damping(held, q.pinion_rate, steering)
     M_s = driver_torque(q.steering_angle, q.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver)
-    M_rack = rack_share * reference_load(q.pinion_angle, v, speed, car)
-    motion = steering_rates(
-        q,
-        M_s,
-        wheel_friction,
-        pinion_friction,
-        M_rack,
-        motor_torque,
-        driver.J * hand.grip,
-        steering,
+    M_plain = reference_load(q.pinion_angle, v, speed, car)
+    per_ratio = 1.0 / car.i_s
+    J_driver = driver.J * hand.grip
+    if row is None:
+        motion = steering_rates(
+            q, M_s, wheel_friction, pinion_friction, rack_share * M_plain, motor_torque, J_driver, steering
+        )
+        return motion, vehicle.single_track_rates(v, q.pinion_angle * per_ratio, speed, single_track_of(car))
+    rack_friction = scrub_after(start.rack_friction, travel, at_pinion, row)
+    slip = v.slip_front
+    axle = front_axle(
+        q.pinion_angle, q.pinion_rate, speed, slip, car.C_f * slip, M_plain, rack_friction, per_ratio, row
     )
-    track = vehicle.single_track_rates(v, q.pinion_angle * (1.0 / car.i_s), speed, single_track_of(car))
-    return motion, track
+    M_tb, M_up = bar_torques(
+        q.steering_angle, q.steering_rate, q.pinion_angle, q.pinion_rate, steering.c_tb, steering.b_tb, row
+    )
+    wheel_friction += column_after(start.column_friction, turned, q.steering_angle, row)
+    M_load = rack_share * axle.M_rack + ports.pinion_torque(at_pinion, row)
+    motion = steering_rates_with(
+        q, M_tb, M_up, M_s, wheel_friction, pinion_friction, M_load, motor_torque, J_driver, steering
+    )
+    track = vehicle.single_track_rates(v, axle.tyre_angle, speed, single_track_of(car))
+    return motion, SingleTrackState(
+        track.lateral_speed + axle.side_acceleration, track.yaw_rate, track.slip_front, track.slip_rear
+    )
 
 
 @scalar
@@ -130,6 +153,7 @@ def plant_step(
     driver: Driver,
     car: ReferenceParameters,
     h: float,
+    row: Any = None,
 ) -> PlantState:
     """State after h seconds with constant motor target (N m), hand and speed.
 
@@ -139,7 +163,7 @@ def plant_step(
     M1 = lag_step(M0, motor_target, decay_half)
     M2 = lag_step(M1, motor_target, decay_half)
     q, v = motion_of(x), track_of(x)
-    k0, t0 = plant_rates(x, q, v, M0, hand, speed, rack_share, steering, driver, car)
+    k0, t0 = plant_rates(x, q, v, M0, hand, speed, rack_share, steering, driver, car, row)
     k1, t1 = plant_rates(
         x,
         moved(q, 0.5 * h, k0),
@@ -151,6 +175,7 @@ def plant_step(
         steering,
         driver,
         car,
+        row,
     )
     k2, t2 = plant_rates(
         x,
@@ -163,6 +188,7 @@ def plant_step(
         steering,
         driver,
         car,
+        row,
     )
     k3, t3 = plant_rates(
         x,
@@ -175,6 +201,7 @@ def plant_step(
         steering,
         driver,
         car,
+        row,
     )
     steering_angle = q.steering_angle + rk4_mean(
         k0.steering_angle, k1.steering_angle, k2.steering_angle, k3.steering_angle, h
@@ -182,6 +209,13 @@ def plant_step(
     pinion_angle = q.pinion_angle + rk4_mean(k0.pinion_angle, k1.pinion_angle, k2.pinion_angle, k3.pinion_angle, h)
     pinion_rate = q.pinion_rate + rk4_mean(k0.pinion_rate, k1.pinion_rate, k2.pinion_rate, k3.pinion_rate, h)
     track = vehicle.moved_rk4(v, t0, t1, t2, t3, h)
+    turned, travel = steering_angle - x.steering_angle, pinion_angle - x.pinion_angle
+    at_pinion = pinion_moment(pinion_angle, pinion_rate, speed)
+    extra = ports.pinion_friction_level(at_pinion, row)
+    rack_friction = column_friction = 0.0
+    if row is not None:
+        rack_friction = scrub_after(x.rack_friction, travel, at_pinion, row)
+        column_friction = column_after(x.column_friction, turned, steering_angle, row)
     return PlantState(
         steering_angle,
         q.steering_rate + rk4_mean(k0.steering_rate, k1.steering_rate, k2.steering_rate, k3.steering_rate, h),
@@ -191,12 +225,9 @@ def plant_step(
         track.yaw_rate,
         track.slip_front,
         track.slip_rear,
-        dahl_step(
-            x.wheel_friction,
-            steering_angle - x.steering_angle,
-            steering.M_s_fric,
-            steering.c_s_fric,
-        ),
-        bristle_torque(x.pinion_friction, pinion_angle - x.pinion_angle, pinion_rate, steering),
+        dahl_step(x.wheel_friction, turned, steering.M_s_fric, steering.c_s_fric),
+        bristle_torque(x.pinion_friction, travel, pinion_rate, steering, extra),
         M2,
+        rack_friction,
+        column_friction,
     )

@@ -20,6 +20,8 @@ class Sensors(NamedTuple):
     torque_step: Annotated[float, Quantity("N m", "torque resolution", 0.0, 1.0, "paper, section 2: 0.03 N m")] = 0.03
     torque_noise: Annotated[float, Quantity("N m", "torque noise, rms", 0.0, 1.0, "assumption")] = 0.01
     torque_delay: Annotated[float, Quantity("periods", "torque latency", 0, 15, "assumption: one CAN cycle")] = 1.0
+    torque_gain: Annotated[float, Quantity("-", "reading over torque", 0.2, 5.0, "assumption: exact")] = 1.0
+    torque_offset: Annotated[float, Quantity("N m", "reading minus torque", -5.0, 5.0, "assumption: exact")] = 0.0
 
 
 class Observer(NamedTuple):

@@ -11,19 +11,8 @@ from steer_env.physics._jit import compiled
 from steer_env.physics.effects import EFFECTS, Effect, drive_ports, rig_ports
 from steer_env.physics.effects.drive_effects import DriveMoment
 from steer_env.physics.effects.rig_moment import RigMoment
-from steer_env.units import quantities
 
-LISTED = {
-    "rig": {
-        "coulomb_friction", "stribeck_friction", "asymmetric_friction", "presliding_friction", "gravity_unbalance",
-        "torque_ripple", "command_latency", "backlash", "torque_offset", "torque_gain", "quadratic_drag",
-        "spring_centering",
-    },
-    "drive": {
-        "coulomb_friction", "presliding_friction", "torque_offset_drift", "angle_offset", "latency_torque",
-        "stiffness_saturation",
-    },
-}  # fmt: skip
+KINDS = ("rig", "drive")
 # Effects that hold another one inside them: absent only with these at zero as well.
 HOLDS = {
     "stribeck_friction": {"level_Nm": 0.0},
@@ -31,7 +20,7 @@ HOLDS = {
     "torque_offset_drift": {"wave_2_Nm": 0.0, "wave_3_Nm": 0.0, "wave_4_Nm": 0.0},
 }
 ROWS = {"rig": rig_ports.rig_row, "drive": drive_ports.drive_row}
-EVERY = [pytest.param(effect, id=f"{kind}-{name}") for kind in LISTED for name, effect in EFFECTS[kind].items()]
+EVERY = [pytest.param(effect, id=f"{kind}-{name}") for kind in KINDS for name, effect in EFFECTS[kind].items()]
 MECHANICAL = [parameter for parameter in EVERY if parameter.values[0].ports]
 MOTIONS = np.random.default_rng(3).uniform([-3.0, -8.0, 0.0], [3.0, 8.0, 1.0], (60, 3)).tolist()
 
@@ -57,33 +46,14 @@ ABSENT = {"rig": (0.0,) * 5, "drive": (0.0,) * 4}
 MACHINE = {kind: compiled(function) for kind, function in PLAIN.items()}
 
 
-@pytest.mark.parametrize("kind", LISTED)
-def test_the_catalogue_lists_the_ids_that_gap_json_uses(kind: str) -> None:
-    assert set(EFFECTS[kind]) == LISTED[kind]
-    assert all(effect.kind == kind for effect in EFFECTS[kind].values())
-
-
 @pytest.mark.parametrize("effect", EVERY)
-def test_an_effect_declares_units_and_ranges_and_searches_inside_them(effect: Effect) -> None:
-    """Catches a plausible range that cannot be reached, a probe outside it, a parameter without unit or source."""
-    described = quantities(effect.parameters)
-    assert set(described) == set(effect.parameters._fields)
-    assert effect.amplitude in described
-    assert set(effect.plausible) <= set(described)
-    for name, plausible in effect.plausible.items():
-        assert plausible.low < plausible.high
-        # The lower end of a search may lie beyond what is plausible: leaving the range is evidence against the name.
-        assert plausible.high <= described[name].high
-    assert effect.probes
+def test_an_effect_is_searched_from_inside_its_plausible_range(effect: Effect) -> None:
+    """Catches a probe that differs from "absent" in nothing, or lies where the name is not believed."""
     for probe in effect.probes:
-        for name, value in effect.at(probe)._asdict().items():
-            assert described[name].low <= value <= described[name].high, name
-        changed = [effect.at(probe)[k] != effect.absent()[k] for k in range(len(described))]
-        assert any(changed)
+        assert effect.at(probe) != effect.absent()
         for name, value in probe.items():
             if effect.size is None and name in effect.plausible:
                 assert effect.plausible[name].holds(value), name
-    assert bool(effect.ports) != (effect.sensor is not None)
 
 
 @pytest.mark.parametrize("effect", MECHANICAL)

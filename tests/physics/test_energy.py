@@ -39,7 +39,7 @@ def test_a_plant_left_alone_never_gains_energy(name, seed):
         *[0.0] * 4,
         p.M_s_fric * rng.uniform(-1, 1),
         p.M_fric * rng.uniform(-1, 1),
-        0.0,
+        *[0.0] * 3,
     )
     x = machine.plant_run(start, *machine.free(2000), H, rack_share=0.0, steering=p)
     energy = stored(x, p)
@@ -50,7 +50,7 @@ def test_a_plant_left_alone_never_gains_energy(name, seed):
 def test_without_damping_and_friction_energy_is_kept():
     """Catches hidden dissipation; RK4 loses (w h)^6 / 72 a step at the bar's mode, 1e-9 here."""
     p = Steering(b_s=0.0, b_tb=0.0, b_pin=0.0, M_s_fric=0.0, M_fric=0.0)
-    start = PlantState(0.05, 3.0, -0.05, 1.0, *[0.0] * 7)
+    start = PlantState(0.05, 3.0, -0.05, 1.0, *[0.0] * 9)
     x = machine.plant_run(start, *machine.free(2000), H, rack_share=0.0, steering=p)
     energy = stored(x, p)
     assert np.abs(energy / energy[0] - 1.0).max() < 1e-5

@@ -164,7 +164,7 @@ def test_a_plant_sequence_is_the_same_in_python_and_compiled(name, arm):
         [np.cumsum(rng.normal(0, 0.05, n)), *rng.normal(0, 1, (2, n)), np.ones(n)]
     )
     targets = rng.normal(0, 2, n)
-    start = PlantState(0.2, 3.0, 0.1, -2.0, 0.1, 0.2, 0.01, 0.02, 0.1, 0.05, 0.3)
+    start = PlantState(0.2, 3.0, 0.1, -2.0, 0.1, 0.2, 0.01, 0.02, 0.1, 0.05, 0.3, 0.0, 0.0)
     options = {
         "rack_share": plant.rack_share,
         "steering": plant.steering._replace(angle_limit=0.08),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
 
 from steer_env.physics._jit import scalar
@@ -40,4 +41,4 @@ RIG = Effect(
     ports={"friction_level": level, "friction_travel": travel},
     shows_in="torque that changes its sign with the rate's",
 )
-DRIVE = RIG._replace(kind="drive", plausible={"level_Nm": Plausible(0.05, 2.0)}, probes=({"level_Nm": 0.3},))
+DRIVE = replace(RIG, kind="drive", plausible={"level_Nm": Plausible(0.05, 2.0)}, probes=({"level_Nm": 0.3},))

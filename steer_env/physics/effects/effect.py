@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import Any
 
 Port = Callable[[Any, Any], float]
 
 
-class Plausible(NamedTuple):
+@dataclass(frozen=True)
+class Plausible:
     """Range of a parameter in its unit within which the effect's name is believed; ``signed``: of either sign."""
 
     low: float
@@ -22,7 +24,8 @@ class Plausible(NamedTuple):
         return self.low * (1.0 - slack) - edge <= size <= self.high * (1.0 + slack) + edge
 
 
-class SensorError(NamedTuple):
+@dataclass(frozen=True)
+class SensorError:
     """What a logger or sensor does to channels: fields of the parameters that delay, scale or shift them."""
 
     channels: tuple[str, ...]
@@ -31,7 +34,8 @@ class SensorError(NamedTuple):
     offset: str = ""
 
 
-class Effect(NamedTuple):
+@dataclass(frozen=True)
+class Effect:
     """One row of the catalogue.
 
     ``parameters`` is a NamedTuple class whose defaults mean "absent": with ``amplitude`` at its default the others do
@@ -50,7 +54,7 @@ class Effect(NamedTuple):
     amplitude: str
     plausible: Mapping[str, Plausible]
     probes: tuple[Mapping[str, float], ...]
-    ports: Mapping[str, Port] = {}
+    ports: Mapping[str, Port] = field(default_factory=dict)
     sensor: SensorError | None = None
     needs: tuple[str, ...] = ()
     shows_in: str = ""

@@ -14,17 +14,17 @@ class Moment(NamedTuple):
     assist adds to the torsion-bar torque; ``rack_torque`` is the tyres' share of M_rack at the pinion.
     """
 
-    steering_angle: float = 0.0
-    pinion_angle: float = 0.0
-    pinion_rate: float = 0.0
-    twist: float = 0.0
-    bar_stiffness: float = 0.0
-    torsion_bar_torque: float = 0.0
-    assist_torque: float = 0.0
-    speed: float = 0.0
-    front_slip: float = 0.0
-    front_force: float = 0.0
-    rack_torque: float = 0.0
+    steering_angle: float
+    pinion_angle: float
+    pinion_rate: float
+    twist: float
+    bar_stiffness: float
+    torsion_bar_torque: float
+    assist_torque: float
+    speed: float
+    front_slip: float
+    front_force: float
+    rack_torque: float
 
 
 @scalar

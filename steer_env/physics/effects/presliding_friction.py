@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
 
 from steer_env.physics._jit import scalar
@@ -39,7 +40,8 @@ RIG = Effect(
     ports={"friction_level": level, "friction_travel": travel},
     shows_in="rounded corners of the hysteresis",
 )
-DRIVE = RIG._replace(
+DRIVE = replace(
+    RIG,
     kind="drive",
     plausible={"level_Nm": Plausible(0.05, 2.0), "travel_rad": Plausible(0.005, 0.3)},
     probes=({"level_Nm": 0.3, "travel_rad": 0.02}, {"level_Nm": 0.3, "travel_rad": 0.1}),

@@ -15,7 +15,7 @@ TORQUE = ("torsion_bar_torque_Nm",)
 class Latency(NamedTuple):
     """Absent at zero."""
 
-    delay_s: Annotated[float, Quantity("s", "how late the signals are stamped", -0.1, 0.2, "absent")] = 0.0
+    delay_s: Annotated[float, Quantity("s", "how late the signals are stamped", -0.1, 0.5, "absent")] = 0.0
 
 
 class Gain(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, NamedTuple
 
 from steer_env.physics._jit import scalar
@@ -58,7 +59,8 @@ VEHICLE = Effect(
     ports={"pinion_torque": at_pinion},
     shows_in="residual periodic in the angle",
 )
-RIG = VEHICLE._replace(
+RIG = replace(
+    VEHICLE,
     kind="rig",
     enters="+ A sin(N q + phi)",
     plausible={
