@@ -9,6 +9,7 @@ calibration of probabilities; what is reported comes from seeds from there on.
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import tempfile
 import time
@@ -22,6 +23,7 @@ import click
 import numpy as np
 
 from experiments.cli_options import common_options, print_json, print_table, progress
+from experiments.gap_baseline import baseline_name
 from experiments.gap_study_figures import write_study_report
 from experiments.gap_study_summary import summary
 from experiments.hidden_campaign import Present, drawn_parameters, hidden_campaign
@@ -134,10 +136,18 @@ def run_case(case: Case) -> dict[str, Any]:
         "outside": case.outside,
         "size": case.size,
         "seconds": seconds,
+        "baseline": _baseline(result),
         **{
             key: document[key] for key in ("verdict", "reason", "effects", "gap", "ranking", "second", "ambiguous_with")
         },
     }
+
+
+def _baseline(result: Any) -> str | None:
+    """What sparse regression would say; None where PySINDy is not installed (extra "study")."""
+    if importlib.util.find_spec("pysindy") is None:
+        return None
+    return baseline_name(result)
 
 
 def _changed(columns: Columns, rng: np.random.Generator, case: Case, worse: Degraded) -> Columns:

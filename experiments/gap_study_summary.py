@@ -60,6 +60,14 @@ def summary(entries: Sequence[Entry]) -> dict[str, Any]:
         ),
         "pair, a wrong name": _rate([e for e in pair if set(named(e)) - set(e["hidden"])], pair),
     }
+    compared = [e for e in single if e.get("baseline")]
+    quiet = [e for e in none if e.get("baseline")]
+    figures["baseline (sparse regression): single effect named"] = _rate(
+        [e for e in compared if e["baseline"] in e["hidden"]], compared
+    )
+    figures["baseline: nothing hidden, something named"] = _rate(
+        [e for e in quiet if e["baseline"] != "none"], quiet
+    )
     return {
         "schema_version": 1,
         "cases": len(entries),
