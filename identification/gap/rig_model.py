@@ -72,20 +72,16 @@ def resisted(
 class RigModel:
     """J q'' + b q' = motor torque - sensor torque, for one campaign (``model.Model``).
 
-    ``motion_Hz``: frequency up to which the measured motion is used.
+    ``motion_Hz``: frequency up to which the measured motion is used; torques are judged up to ``band_Hz``.
     """
 
     records: tuple[Record, ...]
     unknowns: tuple[Unknown, ...]
     effects: Mapping[str, Effect]
     motion_Hz: float
+    band_Hz: float
     channels: tuple[str, ...] = (TORQUE,)
     _motions: dict[str, tuple[Floats, Floats, Floats, Floats]] = field(default_factory=dict, repr=False)
-
-    @property
-    def band_Hz(self) -> float:
-        """Torques are judged up to here."""
-        return JUDGED_SHARE * self.motion_Hz
 
     def simulate(self, record: Record, values: Values, present: Present) -> dict[str, Floats]:
         """The torque [n] that should have been commanded; see ``model.Model``."""
@@ -142,9 +138,7 @@ def rig_model(campaign: Campaign) -> RigModel:
     J, _ = start_values(fitted, NARROWEST_HZ)
     motion_Hz = usable_band(fitted, J)
     J, b = start_values(fitted, motion_Hz)
-    runs = [
-        replace(run, channels={**run.channels, REST: nominal_rest(run, J, b, motion_Hz)}) for run in campaign.runs
-    ]
+    runs = [_with_rest(run, J, b, motion_Hz) for run in campaign.runs]
     records = records_of(runs, ANGLE, (ANGLE, SENSOR), (TORQUE, REST))
     unknowns = (
         Unknown("J", J, 0.2 * J, 5.0 * J, 0.5),
@@ -154,7 +148,8 @@ def rig_model(campaign: Campaign) -> RigModel:
     effects = {
         name: effect for name, effect in EFFECTS["rig"].items() if with_sensor or SENSOR not in effect.needs
     }
-    return RigModel(tuple(_judged(record, motion_Hz) for record in records), unknowns, effects, motion_Hz)
+    judged = tuple(_judged(record, motion_Hz) for record in records)
+    return RigModel(judged, unknowns, effects, motion_Hz, JUDGED_SHARE * motion_Hz)
 
 
 def usable_band(runs: Sequence[Run], J: float) -> float:
@@ -197,14 +192,15 @@ def start_values(runs: Sequence[Run], motion_Hz: float) -> tuple[float, float]:
     return max(float(J), 1e-5), float(b)
 
 
-def nominal_rest(run: Run, J: float, b: float, motion_Hz: float) -> Floats:
-    """Torque in N m [n] that nominal start values leave over while the motor moves.
+def _with_rest(run: Run, J: float, b: float, motion_Hz: float) -> Run:
+    """The run with REST: the torque in N m [n] that nominal start values leave over while the motor moves.
 
     Repeats of one command are equal to the bit; what differs is the motion that they cause and how it is measured.
     """
     _, rate, acceleration = motion(run.channels[ANGLE], run.dt, motion_Hz)
     rest = run.channels[TORQUE] - run.channels.get(SENSOR, np.zeros_like(rate)) - J * acceleration - b * rate
-    return sliding(rate) * band_limited(rest, run.dt, motion_Hz).signal()
+    moving = np.asarray(sliding(rate) * band_limited(rest, run.dt, motion_Hz).signal(), dtype=np.float64)
+    return replace(run, channels={**run.channels, REST: moving})
 
 
 def _judged(record: Record, motion_Hz: float) -> Record:
