@@ -22,6 +22,7 @@ from experiments.cli_options import common_options, print_json, print_table, pro
 from experiments.hidden_campaign import (
     MANOEUVRES_DRIVEN,
     SHARES,
+    Present,
     answer_path,
     hidden_campaign,
     parse_hidden,
@@ -29,7 +30,9 @@ from experiments.hidden_campaign import (
 )
 from steer_env import atomic
 from steer_env.errors import InputError
+from steer_env.plants.model_file import read_model
 from steer_env.testcar import truth
+from steer_env.testcar.bench import bench_campaign
 from steer_env.testcar.campaign_writer import campaign_toml, run_file, write_run
 from steer_env.testcar.drive import drive, generator_of
 from steer_env.testcar.parameters import VirtualCar
@@ -186,6 +189,11 @@ def finished(out: Path, key: str) -> dict[str, Any] | None:
     "NAME:parameter=value,... or none, random. The answer is sealed in OUT.answer.json beside the folder.",
 )
 @click.option(
+    "--model",
+    type=click.Path(path_type=Path),
+    help="A model.json of 'gap': a plain car with its effects in it is driven, openly.",
+)
+@click.option(
     "--manoeuvres",
     default=",".join(MANOEUVRES_DRIVEN),
     show_default=True,
@@ -193,14 +201,23 @@ def finished(out: Path, key: str) -> dict[str, Any] | None:
     help=f"With --hide: what is driven, of {', '.join(('frequency_response', *SHARES))}.",
 )
 @click.option("--vehicle", type=click.Choice(["plain", "random"]), default="plain", help="With --hide: the car.")
+@click.option(
+    "--kind",
+    type=click.Choice(["vehicle", "rig"]),
+    default="vehicle",
+    show_default=True,
+    help="With --hide: a car, or a force-feedback motor on a bench with its own catalogue.",
+)
 @common_options
 def command(
     speeds_kmh: tuple[float, ...],
     repeats: int,
     clean: bool,
     hidden: tuple[str, ...],
+    model: Path | None,
     manoeuvres: str,
     vehicle: str,
+    kind: str,
     out: Path,
     seed: int,
     jobs: int,
@@ -208,8 +225,20 @@ def command(
     as_json: bool,
 ) -> None:
     """Drive the virtual test vehicle through the paper's manoeuvres and write a campaign."""
+    if kind == "rig":
+        _hide_in_bench(hidden or ("none",), seed, repeats, out, as_json)
+        return
+    blind = Order(speeds_kmh, repeats, seed, clean)
+    if model is not None:
+        effects = {name: dict(values) for name, values in read_model(model).effects.items()}
+        _drive_plain(effects, blind, manoeuvres, vehicle, out, jobs, quiet)
+        click.echo(f"{out / 'campaign.toml'}")
+        return
     if hidden:
-        _hide(hidden, Order(speeds_kmh, repeats, seed, clean), manoeuvres, vehicle, out, jobs, quiet, as_json)
+        present = parse_hidden(hidden, seed)
+        _drive_plain(present, blind, manoeuvres, vehicle, out, jobs, quiet)
+        write_answer(out, present, seed)
+        _say_where(out, as_json)
         return
     order, car = Order(speeds_kmh, repeats, seed, clean), VirtualCar()
     key = recipe(order, car)
@@ -230,32 +259,35 @@ def command(
     click.echo(f"{out / 'campaign.toml'}")
 
 
-def _hide(
-    texts: tuple[str, ...],
-    order: Order,
-    manoeuvres: str,
-    vehicle: str,
-    out: Path,
-    jobs: int,
-    quiet: bool,
-    as_json: bool,
+def _drive_plain(
+    present: Present, order: Order, manoeuvres: str, vehicle: str, out: Path, jobs: int, quiet: bool
 ) -> None:
-    """Write a blind campaign and its sealed answer; nothing that is printed tells what is hidden."""
+    """Write the campaign of a plain car with effects in it; nothing in it tells which."""
     driven = tuple(manoeuvres.split(","))
     known = ("frequency_response", *SHARES)
     for name in driven:
         if name not in known:
             raise InputError("--manoeuvres", f"there is no manoeuvre '{name}'", f"give some of {', '.join(known)}")
     if order.clean:
-        raise InputError("--clean", "a blind campaign without noise has no noise to judge by", "leave --clean away")
-    present = parse_hidden(texts, order.seed)
+        raise InputError("--clean", "a campaign without noise has no noise to judge by", "leave --clean away")
     car = random_car(np.random.default_rng(order.seed)) if vehicle == "random" else plain_car()
     total = len(driven) * order.repeats * len(order.speeds_kmh)
-    key = hashlib.sha256(repr((order, texts, driven, vehicle)).encode()).hexdigest()[:16]
+    key = hashlib.sha256(repr((order, present, driven, vehicle)).encode()).hexdigest()[:16]
     with progress("simulate", total=total, quiet=quiet) as advance, atomic.folder(out, key) as folder:
         (folder / "runs").mkdir(exist_ok=True)
         hidden_campaign(folder, present, car, order.seed, order.speeds_kmh, order.repeats, driven, jobs, advance)
-    write_answer(out, present, order.seed)
+
+
+def _hide_in_bench(texts: tuple[str, ...], seed: int, repeats: int, out: Path, as_json: bool) -> None:
+    """The same for the virtual bench."""
+    present = parse_hidden(texts, seed, "rig")
+    with atomic.folder(out) as folder:
+        bench_campaign(folder, present, seed, repeats)
+    write_answer(out, present, seed)
+    _say_where(out, as_json)
+
+
+def _say_where(out: Path, as_json: bool) -> None:
     if as_json:
         print_json({"campaign": str(out / "campaign.toml"), "answer": str(answer_path(out))})
         return

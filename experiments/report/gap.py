@@ -20,7 +20,7 @@ def write_gap_report(campaign: Campaign, result: GapResult, path: str | Path) ->
     report = Report(
         f"Gap: {campaign.name}",
         WORDS[result.verdict],
-        {"campaign": campaign.name, "runs": f"{len(campaign.runs)} (their SHA-256 stand in model.json)"},
+        {"campaign": campaign.name, "runs": len(campaign.runs)},
     )
     _verdict(report, result)
     _before_and_after(report, result)
@@ -36,7 +36,7 @@ def _verdict(report: Report, result: GapResult) -> None:
     names = " + ".join(e.name for e in result.effects) or {"none": "nothing", "unknown": "unknown"}[result.verdict]
     report.key_numbers(
         [
-            (names, "missing in the nominal model"),
+            (names.replace("_", "_\u200b"), "missing in the nominal model"),
             (f"{before:.3f} → {after:.3f}", "held-out error over signal, before and after"),
             (f"{noise:.3f}", "noise over signal: the floor"),
             *((f"{e.probability:.0%}", f"probability of {e.name}") for e in result.effects),
@@ -63,6 +63,9 @@ def _before_and_after(report: Report, result: GapResult) -> None:
     for name in worst[:2]:
         report.figure(figures.time_traces(result, name), f"{name} in time; below, the residuals.")
     report.figure(figures.loops(result, worst[0]), f"{worst[0]} over the lead angle: what a person would feel.")
+    frf = figures.responses(result, worst[0])
+    if frf is not None:
+        report.figure(frf, f"Frequency response of {worst[0]} to the steering angle in held-out sweeps.")
     report.figure(figures.spectra(result, worst[:3]), "Residuals over frequency, with the noise.")
     report.figure(
         figures.residual_map(result, worst[0]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
-from scipy.signal import welch
+from scipy.signal import csd, welch
 
 from experiments.report.figures import MOST_POINTS
 from experiments.report.style import DATA, LINE_WIDTH, PALETTE, TEMPLATE
@@ -61,7 +61,7 @@ def time_traces(result: GapResult, channel: str) -> go.Figure:
         measured = before.measured[channel][here][::step]
         first = column == 1
         curves = [("before", before, BEFORE), ("after", after, AFTER)]
-        _line(figure, "measured", t, measured, DATA, 1, column, first)
+        _line(figure, "measured", t, measured, DATA, 1, column, first, 3.0 * LINE_WIDTH)
         for label, trace, colour in curves:
             simulated = trace.simulated[channel][here][::step]
             _line(figure, label, t, simulated, colour, 1, column, first)
@@ -85,7 +85,8 @@ def loops(result: GapResult, channel: str) -> go.Figure:
         state, x = next(iter(before.states.items()))
         step = max(1, (before.keep.stop - before.keep.start) // MOST_POINTS)
         angle = x[before.keep][::step]
-        _line(figure, "measured", angle, before.measured[channel][before.keep][::step], DATA, 1, column, column == 1)
+        measured = before.measured[channel][before.keep][::step]
+        _line(figure, "measured", angle, measured, DATA, 1, column, column == 1, 3.0 * LINE_WIDTH)
         for label, trace, colour in (("before", before, BEFORE), ("after", after, AFTER)):
             _line(figure, label, angle, trace.simulated[channel][before.keep][::step], colour, 1, column, column == 1)
         figure.update_xaxes(title=f"{state} (rad)" if "angle" in state else state, row=1, col=column)
@@ -120,6 +121,45 @@ def _density(traces: tuple[Trace, ...], channel: str, residual: bool) -> tuple[n
             found.append((f[1:], power[1:]))
     shortest = min(f.size for f, _ in found)
     return found[0][0][:shortest], np.sqrt(np.mean([p[:shortest] for _, p in found], axis=0))
+
+
+def responses(result: GapResult, channel: str) -> go.Figure | None:
+    """Frequency response of a channel to the steering angle in held-out sweeps: measured, before, after."""
+    sweeps = [
+        (b, a) for b, a in zip(result.before, result.after, strict=True)
+        if b.manoeuvre == "frequency_response" and channel in b.measured and "steering angle" in b.states
+    ][:3]  # fmt: skip
+    if not sweeps:
+        return None
+    titles = [_title(b) for b, _ in sweeps]
+    figure = make_subplots(rows=2, cols=len(sweeps), shared_xaxes=True, vertical_spacing=0.07, subplot_titles=titles)
+    for column, (before, after) in enumerate(sweeps, start=1):
+        lead = before.states["steering angle"][before.keep]
+        curves = (
+            ("measured", before.measured[channel], DATA, 3.0 * LINE_WIDTH),
+            ("before", before.simulated[channel], BEFORE, LINE_WIDTH),
+            ("after", after.simulated[channel], AFTER, LINE_WIDTH),
+        )
+        for label, signal, colour, width in curves:
+            f, H = _response(lead, signal[before.keep], before.dt)
+            magnitude, phase = 20.0 * np.log10(np.abs(H)), np.degrees(np.unwrap(np.angle(H)))
+            _line(figure, label, f, magnitude, colour, 1, column, column == 1, width)
+            _line(figure, label, f, phase, colour, 2, column, False, width)
+        figure.update_xaxes(type="log", row=1, col=column)
+        figure.update_xaxes(type="log", title="frequency (Hz)", row=2, col=column)
+    figure.update_yaxes(title="magnitude (dB)", row=1, col=1)
+    figure.update_yaxes(title="phase (deg)", row=2, col=1)
+    figure.update_layout(template=TEMPLATE, height=480)
+    return figure
+
+
+def _response(lead: np.ndarray, signal: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequency response over the band that is driven, averaged over windows of 5 s."""
+    size = min(round(5.0 / dt), lead.size)
+    f, cross = csd(lead, signal, 1.0 / dt, nperseg=size)
+    _, own = welch(lead, 1.0 / dt, nperseg=size)
+    inside = (f >= 0.2) & (f <= 5.0)
+    return f[inside], cross[inside] / own[inside]
 
 
 def residual_map(result: GapResult, channel: str) -> go.Figure:
@@ -170,12 +210,17 @@ def ranking(result: GapResult) -> go.Figure:
     return figure
 
 
-def _line(figure: go.Figure, name: str, x: object, y: object, colour: str, row: int, col: int, legend: bool) -> None:
+def _line(
+    figure: go.Figure, name: str, x: object, y: object, colour: str, row: int, col: int, legend: bool,
+    width: float = LINE_WIDTH,
+) -> None:  # fmt: skip
+    """A line; what is measured lies broad under what is simulated."""
     figure.add_scatter(
-        x=x, y=y, name=name, mode="lines", line={"color": colour, "width": LINE_WIDTH}, legendgroup=name,
+        x=x, y=y, name=name, mode="lines", line={"color": colour, "width": width}, legendgroup=name,
         showlegend=legend, row=row, col=col,
     )  # fmt: skip
 
 
 def _title(trace: Trace) -> str:
-    return f"{trace.manoeuvre.replace('_', ' ')}<br>{trace.group:g} km/h"
+    what = trace.name.split("/")[-1] if trace.group == 0.0 else f"{trace.group:g} km/h"
+    return f"{trace.manoeuvre.split('/')[-1].replace('_', ' ')}<br>{what}"

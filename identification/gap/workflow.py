@@ -22,7 +22,11 @@ from identification.gap.verdict import RULES, Judged, Rules, Search, search
 from steer_env.errors import InputError
 
 MODELS: dict[str, Callable[[Campaign], Model]] = {"vehicle": vehicle_model, "rig": rig_model, "drive": drive_model}
-FEWEST_SAMPLES = 400  # judged samples without which nothing is said
+DRIVE_CANNOT_TELL = (
+    "angle, torque and speed alone do not tell a bias that wanders (crown, wind, sensor) from the driver's own torque",
+    "inertia is not in the model: a hand that turns slowly shows none of it",
+    "only moments in which the wheel turns are judged: at rest friction holds any torque within its level",
+)
 # Held-out error, beyond the noise and over the rms of the signal, that an honest simple model may leave: what the
 # plain virtual cars leave without anything hidden, with a margin (``experiments.gap_study``).
 HONEST = {
@@ -68,9 +72,9 @@ def find_gap(
     rivals = _rivals(found, steps, rules)
     advice, why = _advice(judge, model, found, rivals)
     return GapResult(
-        campaign.kind, verdict, reason, tuple(_named(step, found) for step in steps), channels, tuple(shown),
-        tuple(r.name for r in rivals), advice, why, noise.from_repeats, found, judge, held, before, after,
-        tuple(_notes(campaign, noise)),
+        campaign.kind, verdict, reason, tuple(_named(step, found, campaign.kind) for step in steps), channels,
+        tuple(shown), tuple(r.name for r in rivals), advice, why, noise.from_repeats, found, judge, held, before,
+        after, tuple(_notes(campaign, noise)),
     )  # fmt: skip
 
 
@@ -157,7 +161,7 @@ def structure(error: float, noise: float) -> float:
     return float(np.sqrt(max(error**2 - (noise**2 if np.isfinite(noise) else 0.0), 0.0)))
 
 
-def _named(step: Judged, found: Search) -> Named:
+def _named(step: Judged, found: Search, kind: str) -> Named:
     """The effect of an accepted step with its parameters as the best model has them."""
     solution = found.best.solution
     prefix = f"{step.name}."
@@ -168,7 +172,7 @@ def _named(step: Judged, found: Search) -> Named:
             value = solution.values[unknown.name]
             turns = 2.0 * np.pi * np.floor(value / (2.0 * np.pi)) if "phase" in unknown.name else 0.0
             parameters[unknown.name[len(prefix) :]] = Parameter(value - turns, low - turns, high - turns)
-    return Named(step.name, probability(step), parameters)
+    return Named(step.name, probability(step, kind), parameters)
 
 
 def _rivals(found: Search, steps: Sequence[Judged], rules: Rules) -> list[Judged]:
@@ -207,6 +211,8 @@ def _advice(judge: Judge, model: Model, found: Search, rivals: Sequence[Judged])
 
 def _notes(campaign: Campaign, noise: NoiseSpectrum) -> list[str]:
     found = [f"{run.name}: {note}" for run in campaign.runs for note in run.notes]
+    if campaign.kind == "drive":
+        found += DRIVE_CANNOT_TELL
     if not noise.from_repeats:
         found.append("no manoeuvre was repeated: only the white noise of the sensors is known, not the road's")
     return found
