@@ -70,7 +70,8 @@ def effect_unknowns(effect: Effect, probe: Mapping[str, float]) -> tuple[tuple[U
             if plausible is not None:
                 near = float(np.sqrt(plausible.low * plausible.high))
                 prior = 0.1 + 0.5 * float(np.log(plausible.high / plausible.low))
-        found.append(Unknown(label, near, quantity.low, quantity.high, prior, log))
+        least = max(quantity.low, 1e-6 * near) if log else quantity.low
+        found.append(Unknown(label, near, least, quantity.high, prior, log))
         start[label] = value
     return tuple(found), start
 

@@ -25,6 +25,7 @@ from steer_env.physics.effects import Effect
 FIRST_ERRORS = (0.03, 0.005)  # relative model errors with which a nominal fit begins
 LEAST_ERROR = 0.002  # relative model error that is always allowed for: no fit is held to the last noise bit
 PASSES, ENOUGH = 6, 2.0  # refits until the log-likelihood gains less than this
+FEW = 8  # nominal unknowns up to which every candidate is searched from where they are believed, too
 MANY = 8  # probes from which on an effect is scanned on a few records first
 
 
@@ -177,16 +178,26 @@ def _scanned(judge: Judge, base: Candidate, effect: Effect, weights: Sequence[Fl
 
 
 def refit(judge: Judge, held: Judge, base: Candidate, chosen: Screened, error: Floats) -> Candidate:
-    """The effect's parameters and all that ``base`` has, fitted together (``settled`` finishes what leads)."""
+    """The effect's parameters and all that ``base`` has, fitted together (``settled`` finishes what leads).
+
+    With few nominal unknowns it costs little to search from where these are believed as well, as ``null_fit`` does:
+    an effect that is large beside the nominal torque bends them so far that no way leads back.
+    """
     more, start = effect_unknowns(chosen.effect, chosen.probe)
-    unknowns = (*base.solution.unknowns, *more)
+    unknowns, names = (*base.solution.unknowns, *more), (*base.names, chosen.effect.name)
     from_base = {**base.solution.values, **start}
     solution = fit(judge, unknowns, error, from_base, FINE, base.solution.jacobian, renew=False)
-    return judged_candidate((*base.names, chosen.effect.name), solution, judge, held)
+    ends = [judged_candidate(names, solution, judge, held)]
+    if len(judge.model.unknowns) <= FEW:
+        believed = {**from_base, **{unknown.name: unknown.start for unknown in judge.model.unknowns}}
+        solution = fit(judge, unknowns, np.full_like(error, FIRST_ERRORS[0]), believed)
+        ends.append(judged_candidate(names, solution, judge, held))
+        return settled(judge, held, max(ends, key=lambda c: float(c.fitted.loglik.sum())))
+    return ends[0]
 
 
-def unbent(judge: Judge, held: Judge, effect: Effect, error: Floats) -> Candidate:
-    """The effect beside the nominal unknowns, searched from where these are believed and from its middle probe."""
-    more, start = effect_unknowns(effect, effect.probes[len(effect.probes) // 2])
+def unbent(judge: Judge, held: Judge, effect: Effect, probe: Mapping[str, float], error: Floats) -> Candidate:
+    """The effect beside the nominal unknowns, searched from where these are believed and from a probe."""
+    more, start = effect_unknowns(effect, probe)
     solution = fit(judge, (*judge.model.unknowns, *more), error, start)
     return judged_candidate((effect.name,), solution, judge, held)

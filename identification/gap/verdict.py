@@ -140,7 +140,7 @@ def search(
     if first is None or first.fidelity < rules.sure:
         singles = _with_unbent(judge, held, null, singles, effects, rules)
         first = _leader([s for s in singles if s.accepted(rules)])
-    alone = first is not None
+    sole = first is not None
     if first is None:  # two effects can hide each other: neither puts much right without the other
         promising = [s for s in singles if s.in_range and s.z > rules.least_z and s.delta_bic > rules.least_bic]
         if not promising:
@@ -153,11 +153,14 @@ def search(
         return fidelity(held, null.held_prediction, new.held_prediction, new.error)
 
     second = _leader(
-        [p for p in pairs if p.accepted(rules, second=True) and (alone or together(p) > rules.least_fidelity)]
+        [p for p in pairs if p.accepted(rules, second=True) and (sole or together(p) > rules.least_fidelity)]
     )
-    if second is not None:
+    if second is not None and in_range(second.candidate, effects[first.name], rules.range_slack):
         return Search(null, singles, pairs, second.candidate)
-    return Search(null, singles, pairs, first.candidate if alone else null)
+    if second is not None:  # the first stood in for the second: beside it, it is not what its name says
+        alone = next((s for s in singles if s.name == second.name and s.accepted(rules)), None)
+        return Search(null, singles, pairs, alone.candidate if alone is not None else null)
+    return Search(null, singles, pairs, first.candidate if sole else null)
 
 
 def _leader(accepted: Sequence[Judged]) -> Judged | None:
@@ -176,9 +179,11 @@ def _with_unbent(
     kept = {j.name: j for j in singles}
     for effect in effects.values():
         if effect.bends:
-            screened = Screened(effect, effect.probes[0], 0.0, 0.0, [])
-            found = judged(judge, held, null, unbent(judge, held, effect, error), screened, rules)
             before = kept.get(effect.name)
+            middle = Screened(effect, effect.probes[len(effect.probes) // 2], 0.0, 0.0, [])
+            screened = middle if before is None else before.screened
+            candidate = unbent(judge, held, effect, screened.probe, error)
+            found = judged(judge, held, null, candidate, screened, rules)
             if before is None or found.delta_bic > before.delta_bic:
                 kept[effect.name] = found
     return sorted(kept.values(), key=lambda j: j.strength, reverse=True)

@@ -6,7 +6,6 @@ from typing import Any
 
 from steer_env.physics._jit import scalar
 from steer_env.physics.effects import rig_ports as ports
-from steer_env.physics.effects.rig_backlash import WHEEL_SHARE
 from steer_env.physics.effects.rig_moment import RigMoment
 from steer_env.physics.friction import dahl_step
 
@@ -21,18 +20,16 @@ def friction_after(friction: float, travel: float, x: RigMoment, row: Any) -> fl
 
 
 @scalar
-def wheel_after(wheel: float, angle: float, row: Any) -> float:
-    """Angle in rad of what lies behind the play once the motor stands at ``angle`` (a play operator)."""
-    half = ports.half_gap(RigMoment(angle, 0.0), row)
-    return min(max(wheel, angle - half), angle + half)
+def contact_impulse(play: float, approach: float, half_gap: float, compliance: float, dt: float) -> float:
+    """Impulse in N m s that the motor gives the wheel, so that the play stays within its gap over dt seconds.
 
-
-@scalar
-def engaged_share(moved: float, travel: float) -> float:
-    """Share of inertia and damping that takes part while the wheel moved so much of the motor's travel in rad."""
-    if travel == 0.0:
-        return 1.0
-    return 1.0 - WHEEL_SHARE + WHEEL_SHARE * min(max(moved / travel, 0.0), 1.0)
+    ``play`` is motor minus wheel angle in rad, ``approach`` its rate in rad/s without contact; ``compliance`` in
+    1/(kg m2) is 1/J of the motor (0 where its motion is prescribed) plus 1/J of the wheel. Flanks push and do not pull,
+    and the contact is inelastic: afterwards the play reaches the flank at the end of the step at the earliest.
+    """
+    ahead = play + dt * approach
+    beyond = ahead - min(max(ahead, -half_gap), half_gap)
+    return beyond / (dt * compliance)
 
 
 @scalar

@@ -2,7 +2,8 @@
 
 Commands are sweeps and slow sines with a weak position loop that keeps the wheel near its middle, and releases; all of
 it is in the commanded torque. Two settings of commanded damping. The wheel is nearly the nominal model: a little
-friction and cogging is left, far below what the catalogue calls an effect.
+friction and cogging is left, far below what the catalogue calls an effect. Optionally the wheel is loaded by a spring
+and a damper through a torque sensor.
 """
 
 from __future__ import annotations
@@ -16,22 +17,25 @@ from numpy.typing import NDArray
 
 from steer_env import atomic
 from steer_env.physics._jit import compiled
-from steer_env.physics.bench import engaged_share, friction_after, resisting_torque, wheel_after
+from steer_env.physics.bench import contact_impulse, friction_after, resisting_torque
+from steer_env.physics.effects import rig_ports as ports
 from steer_env.physics.effects.rig_moment import RigMoment
-from steer_env.physics.effects.rig_ports import rig_row
-from steer_env.physics.effects.rig_table import RIG_EFFECTS
 from steer_env.testcar.campaign_writer import write_run
 from steer_env.units import Quantity
 
 Array = NDArray[np.floating]
 LOG_PERIOD = 2e-3  # s
 SUBSTEPS = 8
+STEP = LOG_PERIOD / SUBSTEPS  # s
 ENCODER_STEP = 1.5708e-4  # rad, 0.009 deg
-LONGEST_DELAY = 512  # substeps
+SENSOR_STEP, SENSOR_NOISE = 0.03, 0.01  # N m, as the paper's rig
+LINE = 1024  # substeps of command that are remembered
 HONEST = {
     "presliding_friction": {"level_Nm": 0.004, "travel_rad": 0.02},
     "torque_ripple": {"amplitude_Nm": 0.002, "order": 21.0, "phase": 0.4},
 }
+RECORD = ("angle", "command", "load", "rate", "wheel_rate")
+Hidden = Mapping[str, Mapping[str, float]]
 
 
 class Bench(NamedTuple):
@@ -40,41 +44,70 @@ class Bench(NamedTuple):
     J: Annotated[float, Quantity("kg m2", "rotor and wheel", 1e-4, 1.0, "assumption: a 0.35 m wheel")] = 0.042
     b: Annotated[float, Quantity("N m s/rad", "bearing damping", 0.0, 5.0, "assumption")] = 0.03
     torque_noise: Annotated[float, Quantity("N m", "torque ripple of the drive, rms", 0.0, 1.0, "assumption")] = 0.005
+    load_stiffness: Annotated[float, Quantity("N m/rad", "spring behind the sensor", 0.0, 100.0, "no load")] = 0.0
+    load_damping: Annotated[float, Quantity("N m s/rad", "damper behind the sensor", 0.0, 5.0, "no load")] = 0.0
+
+
+LOADED = Bench(load_stiffness=2.0, load_damping=0.1)
+
+
+class Command(NamedTuple):
+    """What acts of a command: position loop in N m/rad and N m s/rad; ``delay`` in s, ``gain``, ``offset`` in N m."""
+
+    stiffness: float = 1.5
+    damping: float = 0.05
+    delay: float = 0.0
+    gain: float = 1.0
+    offset: float = 0.0
 
 
 @compiled
-def bench_rollout(
-    feed: Array, stiffness: float, damping: float, noise: Array, delay: int, gain: float, offset: float, J: float,
-    b: float, row: Any, honest: Any,
-) -> Array:  # fmt: skip
-    """Record [n, 2] of angle in rad and commanded torque in N m at LOG_PERIOD.
+def bench_rollout(feed: Array, noise: Array, c: Command, p: Bench, row: Any, honest: Any) -> Array:
+    """Record [n, len(RECORD)] at LOG_PERIOD, SI.
 
-    ``feed`` [n] in N m is commanded besides the position loop's ``stiffness`` and ``damping``; ``noise`` [n] in N m
-    acts unseen. The command acts ``delay`` substeps later, times ``gain``, plus ``offset``.
+    ``feed`` [n] in N m is commanded besides the position loop, ``noise`` [n] in N m acts unseen; ``row`` and ``honest``
+    are rows of effects. A command is held until the next one.
     """
     n = feed.size
-    record = np.zeros((n, 2))
-    line = np.zeros(LONGEST_DELAY)
-    h = LOG_PERIOD / SUBSTEPS
-    angle, rate, friction, rest, wheel = 0.0, 0.0, 0.0, 0.0, 0.0
-    share, place = 1.0, 0
+    record = np.zeros((n, len(RECORD)))
+    line = np.zeros(LINE)
+    # Half a step more: a semi-implicit Euler step lets a torque act half a step early.
+    delay = c.delay / STEP + 0.5
+    whole = int(delay)
+    late = delay - whole
+    angle, rate, play, wheel_rate = 0.0, 0.0, 0.0, 0.0
+    friction, rest = 0.0, 0.0
+    place = 0
     for k in range(n):
-        command = feed[k] - stiffness * angle - damping * rate
-        record[k, 0], record[k, 1] = angle, command
+        command = feed[k] - c.stiffness * angle - c.damping * rate
+        load = p.load_stiffness * (angle - play) + p.load_damping * wheel_rate
+        record[k, 0], record[k, 1], record[k, 2] = angle, command, load
+        record[k, 3], record[k, 4] = rate, wheel_rate
         for _ in range(SUBSTEPS):
-            line[place % LONGEST_DELAY] = command
-            acting = gain * line[(place - delay) % LONGEST_DELAY] + offset + noise[k]
+            line[place % LINE] = command
+            due = (1.0 - late) * line[(place - whole) % LINE] + late * line[(place - whole - 1) % LINE]
             place += 1
             x = RigMoment(angle, rate)
-            resist = resisting_torque(x, friction, row) + resisting_torque(x, rest, honest) + b * share * rate
-            rate += h * (acting - resist) / (J * share)
-            moved = h * rate
+            torque = c.gain * due + c.offset + noise[k] - resisting_torque(x, friction, row)
+            torque -= resisting_torque(x, rest, honest)
+            load = p.load_stiffness * (angle - play) + p.load_damping * wheel_rate
+            half, share = ports.half_gap(x, row), ports.wheel_share(x, row)
+            if half > 0.0:
+                J_motor, J_wheel = p.J * (1.0 - share), p.J * share
+                rate += STEP * (torque - p.b * rate) / J_motor
+                wheel_rate -= STEP * load / J_wheel
+                impulse = contact_impulse(play, rate - wheel_rate, half, 1.0 / J_motor + 1.0 / J_wheel, STEP)
+                rate -= impulse / J_motor
+                wheel_rate += impulse / J_wheel
+                play += STEP * (rate - wheel_rate)
+            else:
+                rate += STEP * (torque - load - p.b * rate) / p.J
+                wheel_rate = rate
+            moved = STEP * rate
             angle += moved
             y = RigMoment(angle, rate)
             friction = friction_after(friction, moved, y, row)
             rest = friction_after(rest, moved, y, honest)
-            before, wheel = wheel, wheel_after(wheel, angle, row)
-            share = engaged_share(wheel - before, moved)
     return record
 
 
@@ -94,28 +127,47 @@ def feeds() -> dict[str, tuple[str, Array]]:
 
 
 def bench_campaign(
-    folder: Path, hidden: Mapping[str, Mapping[str, float]], seed: int, repeats: int = 3, bench: Bench | None = None
+    folder: Path, hidden: Hidden, seed: int, repeats: int = 3, bench: Bench | None = None, clean: bool = False
 ) -> None:
-    """Write a rig campaign with effects of the rig's catalogue in the bench; nothing in it tells which."""
+    """Write a rig campaign with effects of the rig's catalogue in the bench; nothing in it tells which.
+
+    ``bench`` with a load (``LOADED``) is logged with a torque sensor. ``clean``: no noise, no rounding, none of the
+    friction and cogging that is left on an ordinary bench.
+    """
     p = bench or Bench()
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(7,)))
-    row = rig_row(hidden) if any(RIG_EFFECTS[name].ports for name in hidden) else None
-    honest = rig_row(HONEST)
-    delay = hidden.get("command_latency", {}).get("delay_s", 0.0)
-    gain = hidden.get("torque_gain", {}).get("ratio", 1.0)
-    offset = hidden.get("torque_offset", {}).get("Nm", 0.0)
-    steps = round(delay / LOG_PERIOD * SUBSTEPS)
+    row = ports.rig_row(hidden) if any(name in ports.RIG_MECHANICAL for name in hidden) else None
+    honest = None if clean else ports.rig_row(HONEST)
+    command = Command(
+        delay=hidden.get("command_latency", {}).get("delay_s", 0.0),
+        gain=hidden.get("torque_gain", {}).get("ratio", 1.0),
+        offset=hidden.get("torque_offset", {}).get("Nm", 0.0),
+    )
+    loaded = p.load_stiffness > 0.0 or p.load_damping > 0.0
     lines = ["schema_version = 1", 'name = "virtual bench"', 'kind = "rig"', "", "[rig]", "inertia_kgm2 = 0.04"]
     (folder / "runs").mkdir(parents=True, exist_ok=True)
     for setting, damping in (("a", 0.05), ("b", 0.25)):
         for name, (manoeuvre, feed) in feeds().items():
             for repeat in range(1, repeats + 1):
-                noise = p.torque_noise * rng.standard_normal(feed.size)
-                record = bench_rollout(feed, 1.5, damping, noise, steps, gain, offset, p.J, p.b, row, honest)
-                angle = ENCODER_STEP * np.round(record[:, 0] / ENCODER_STEP)
+                noise = (0.0 if clean else p.torque_noise) * rng.standard_normal(feed.size)
+                record = bench_rollout(feed, noise, command._replace(damping=damping), p, row, honest)
+                columns = logged(record, loaded, None if clean else rng)
                 file = f"runs/{setting}_{name}_{repeat}.csv"
-                time = LOG_PERIOD * np.arange(feed.size)
-                columns = {"time_s": time, "motor_angle_rad": angle, "motor_torque_Nm": record[:, 1]}
                 write_run(folder / file, columns)
                 lines += ["", "[[runs]]", f'file = "{file}"', f'manoeuvre = "{manoeuvre}"', 'role = "auto"']
     atomic.write_text(folder / "campaign.toml", "\n".join(lines) + "\n")
+
+
+def logged(record: Array, loaded: bool, rng: np.random.Generator | None) -> dict[str, Array]:
+    """Columns of a run's file, each [n]; ``rng`` None: without noise and rounding."""
+    angle, command, load = record[:, 0], record[:, 1], record[:, 2]
+    if rng is not None:
+        angle = ENCODER_STEP * np.round(angle / ENCODER_STEP)
+    columns = {
+        "time_s": LOG_PERIOD * np.arange(angle.size), "motor_angle_rad": angle, "motor_torque_Nm": command,
+    }  # fmt: skip
+    if loaded:
+        if rng is not None:
+            load = SENSOR_STEP * np.round((load + SENSOR_NOISE * rng.standard_normal(load.size)) / SENSOR_STEP)
+        columns["sensor_torque_Nm"] = load
+    return columns

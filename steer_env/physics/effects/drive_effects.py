@@ -112,7 +112,7 @@ LATENCY_TORQUE = Effect(
     enters="the torque is late",
     parameters=Latency,
     amplitude="delay_s",
-    plausible={"delay_s": Plausible(0.01, 0.3)},
+    plausible={"delay_s": Plausible(0.01, 0.2)},
     probes=({"delay_s": 0.03},),
     sensor=SensorError(("steering_torque_Nm",), delay="delay_s"),
     shows_in="phase linear in frequency",

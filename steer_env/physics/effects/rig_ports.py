@@ -2,7 +2,7 @@
 
 torque                     N m, resisting
 friction_level, _travel    N m and rad: Dahl friction
-half_gap                   rad of play behind which most of the inertia lies
+half_gap, wheel_share      rad of play, and the share of J that lies behind it
 """
 
 from __future__ import annotations
@@ -17,3 +17,4 @@ torque = _PORTS.at("torque")
 friction_level = _PORTS.at("friction_level")
 friction_travel = _PORTS.at("friction_travel")
 half_gap = _PORTS.at("half_gap")
+wheel_share = _PORTS.at("wheel_share")

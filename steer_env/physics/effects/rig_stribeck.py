@@ -42,7 +42,7 @@ RIG = Effect(
     amplitude="extra_Nm",
     plausible={
         "extra_Nm": Plausible(0.02, 2.0),
-        "level_Nm": Plausible(0.0, 2.0),
+        "level_Nm": Plausible(0.02, 2.0),  # what does not slide with friction does not stick either
         "speed_radps": Plausible(0.05, 2.0),
     },
     probes=tuple({"extra_Nm": 0.1, "level_Nm": 0.1, "speed_radps": v} for v in (0.1, 0.4, 1.5)),
