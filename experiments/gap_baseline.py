@@ -13,6 +13,7 @@ from identification.gap.fit import stacked
 from identification.gap.result import GapResult
 from identification.gap.search import LEAST_ERROR, screen
 
+SEPARABLE = 0.01  # share of a column that no nominal parameter makes
 THRESHOLD = 0.1  # of a coefficient, columns and target being of length one: PySINDy's own default
 
 
@@ -25,10 +26,18 @@ def baseline_name(result: GapResult) -> str:
     sizes = [np.sqrt(np.nanmean([np.nanmean(m[row] ** 2) for m in judge.measured])) for row in range(len(judge.names))]
     weights = [np.where(np.isnan(m), np.nan, 1.0 / np.array(sizes)[:, None]) for m in judge.measured]
     target = stacked([m - p for m, p in zip(judge.measured, null.solution.predicted, strict=True)], weights)
-    columns = [stacked(column, weights) for column in null.solution.jacobian]
-    columns += [stacked(list(s.direction), weights) for s in screened]
+    nominal = np.column_stack([stacked(column, weights) for column in null.solution.jacobian])
+    basis, _ = np.linalg.qr(nominal)
+    effects, names = [], []
+    for s in screened:
+        column = stacked(list(s.direction), weights)
+        # What the nominal parameters can do exactly (compliance) would only make the regression singular.
+        if np.linalg.norm(column - basis @ (basis.T @ column)) > SEPARABLE * np.linalg.norm(column):
+            effects.append(column)
+            names.append(s.effect.name)
+    columns = [*nominal.T, *effects]
     table = np.column_stack([c / max(float(np.linalg.norm(c)), 1e-300) for c in columns])
     regression = STLSQ(threshold=THRESHOLD, alpha=1e-6)
     regression.fit(table, target[:, None] / max(float(np.linalg.norm(target)), 1e-300))
     coefficients = np.abs(np.asarray(regression.coef_).ravel()[len(null.solution.jacobian) :])
-    return screened[int(np.argmax(coefficients))].effect.name if coefficients.max() > 0.0 else "none"
+    return names[int(np.argmax(coefficients))] if coefficients.max() > 0.0 else "none"
