@@ -34,7 +34,7 @@ HONEST = {
     "presliding_friction": {"level_Nm": 0.004, "travel_rad": 0.02},
     "torque_ripple": {"amplitude_Nm": 0.002, "order": 21.0, "phase": 0.4},
 }
-RECORD = ("angle", "command", "load", "rate", "wheel_rate")
+RECORD = ("angle", "command", "load", "rate", "wheel_rate", "play")
 Hidden = Mapping[str, Mapping[str, float]]
 
 
@@ -75,6 +75,7 @@ def bench_rollout(feed: Array, noise: Array, c: Command, p: Bench, row: Any, hon
     delay = c.delay / STEP + 0.5
     whole = int(delay)
     late = delay - whole
+    half_damping = 0.5 * STEP * p.b  # damping by the mean rate of a step
     angle, rate, play, wheel_rate = 0.0, 0.0, 0.0, 0.0
     friction, rest = 0.0, 0.0
     place = 0
@@ -82,7 +83,7 @@ def bench_rollout(feed: Array, noise: Array, c: Command, p: Bench, row: Any, hon
         command = feed[k] - c.stiffness * angle - c.damping * rate
         load = p.load_stiffness * (angle - play) + p.load_damping * wheel_rate
         record[k, 0], record[k, 1], record[k, 2] = angle, command, load
-        record[k, 3], record[k, 4] = rate, wheel_rate
+        record[k, 3], record[k, 4], record[k, 5] = rate, wheel_rate, play
         for _ in range(SUBSTEPS):
             line[place % LINE] = command
             due = (1.0 - late) * line[(place - whole) % LINE] + late * line[(place - whole - 1) % LINE]
@@ -94,14 +95,14 @@ def bench_rollout(feed: Array, noise: Array, c: Command, p: Bench, row: Any, hon
             half, share = ports.half_gap(x, row), ports.wheel_share(x, row)
             if half > 0.0:
                 J_motor, J_wheel = p.J * (1.0 - share), p.J * share
-                rate += STEP * (torque - p.b * rate) / J_motor
+                rate += STEP * (torque - p.b * rate) / (J_motor + half_damping)
                 wheel_rate -= STEP * load / J_wheel
                 impulse = contact_impulse(play, rate - wheel_rate, half, 1.0 / J_motor + 1.0 / J_wheel, STEP)
                 rate -= impulse / J_motor
                 wheel_rate += impulse / J_wheel
                 play += STEP * (rate - wheel_rate)
             else:
-                rate += STEP * (torque - load - p.b * rate) / p.J
+                rate += STEP * (torque - load - p.b * rate) / (p.J + half_damping)
                 wheel_rate = rate
             moved = STEP * rate
             angle += moved
