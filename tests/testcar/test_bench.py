@@ -151,11 +151,12 @@ def test_a_campaign_is_read_and_does_not_give_away_what_is_hidden(tmp_path: Path
 
 
 def test_a_loaded_bench_logs_the_torque_that_the_load_takes(tmp_path: Path) -> None:
-    """Sensor torque is k q + b q' of the load, to its noise and rounding."""
+    """Sensor torque is k (q - swing) + b q' of the load, to its noise and rounding."""
     bench_campaign(tmp_path / "rig", {}, seed=3, repeats=1, bench=LOADED)
     run = next(r for r in read_campaign(tmp_path / "rig").runs if "b_sine_large" in r.name)
     angle = run.channels["motor_angle_rad"]
-    load = LOADED.load_stiffness * angle + LOADED.load_damping * np.gradient(angle, run.dt)
+    held = LOADED.load_swing * (np.sin(2.3 * run.time) + 0.5 * np.sin(8.2 * run.time))
+    load = LOADED.load_stiffness * (angle - held) + LOADED.load_damping * np.gradient(angle, run.dt)
     error = run.channels["sensor_torque_Nm"] - load
     assert abs(float(np.mean(error))) < 1e-3
     assert float(np.std(error)) < 0.02
