@@ -108,11 +108,11 @@ def judged(judge: Judge, held: Judge, base: Candidate, found: Candidate, screene
     )
 
 
-def in_range(found: Candidate, effect: Effect, slack: float) -> bool:
+def in_range(found: Candidate, effect: Effect, slack: float, reaching: bool = True) -> bool:
     """Whether the fitted parameters of an effect lie in their plausible ranges, widened by ``slack``.
 
     A parameter whose 95 % interval reaches into its range does: where two of them can hardly be told apart, that is no
-    evidence against the name.
+    evidence against the name. Without ``reaching`` the values themselves must lie there.
     """
     values = found.solution.values
     if effect.size is not None:
@@ -124,7 +124,8 @@ def in_range(found: Candidate, effect: Effect, slack: float) -> bool:
         low, high = found.solution.interval(label)
         value = values[label]
         reaches = low <= plausible.high and high >= plausible.low and not plausible.signed
-        if not (plausible.holds(value, slack) or reaches or plausible.holds(low) or plausible.holds(high)):
+        reaches = reaches or plausible.holds(low) or plausible.holds(high)
+        if not (plausible.holds(value, slack) or (reaching and reaches)):
             return False
     return True
 
@@ -155,11 +156,15 @@ def search(
     second = _leader(
         [p for p in pairs if p.accepted(rules, second=True) and (sole or together(p) > rules.least_fidelity)]
     )
-    if second is not None and in_range(second.candidate, effects[first.name], rules.range_slack):
-        return Search(null, singles, pairs, second.candidate)
-    if second is not None:  # the first stood in for the second: beside it, it is not what its name says
-        alone = next((s for s in singles if s.name == second.name and s.accepted(rules)), None)
-        return Search(null, singles, pairs, alone.candidate if alone is not None else null)
+    if second is None:
+        return Search(null, singles, pairs, first.candidate if sole else null)
+    pair, leader = second.candidate, effects[first.name]
+    if in_range(pair, leader, rules.range_slack, reaching=False):
+        return Search(null, singles, pairs, pair)
+    if not in_range(pair, leader, rules.range_slack):  # the first stood in for the second
+        instead = next((s for s in singles if s.name == second.name and s.accepted(rules)), None)
+        return Search(null, singles, pairs, null if instead is None else instead.candidate)
+    # Neither is determined beside the other: they are two names for one thing.
     return Search(null, singles, pairs, first.candidate if sole else null)
 
 

@@ -2,12 +2,13 @@
 
 Commands are sweeps and slow sines with a weak position loop that keeps the wheel near its middle, and releases; all of
 it is in the commanded torque. Two settings of commanded damping. The wheel is nearly the nominal model: a little
-friction and cogging is left, far below what the catalogue calls an effect. Optionally the wheel is loaded by a spring
-and a damper through a torque sensor.
+friction and cogging is left, far below what the catalogue calls an effect. Optionally the wheel is loaded through a
+torque sensor, by a damper and by a spring whose other end is moved to and fro.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -29,12 +30,13 @@ SUBSTEPS = 8
 STEP = LOG_PERIOD / SUBSTEPS  # s
 ENCODER_STEP = 1.5708e-4  # rad, 0.009 deg
 SENSOR_STEP, SENSOR_NOISE = 0.03, 0.01  # N m, as the paper's rig
+SWING = (2.3, 8.2)  # rad/s, of the load's own motion
 LINE = 1024  # substeps of command that are remembered
 HONEST = {
     "presliding_friction": {"level_Nm": 0.004, "travel_rad": 0.02},
     "torque_ripple": {"amplitude_Nm": 0.002, "order": 21.0, "phase": 0.4},
 }
-RECORD = ("angle", "command", "load", "rate", "wheel_rate")
+RECORD = ("angle", "command", "load", "rate", "wheel_rate", "play")
 Hidden = Mapping[str, Mapping[str, float]]
 
 
@@ -46,9 +48,11 @@ class Bench(NamedTuple):
     torque_noise: Annotated[float, Quantity("N m", "torque ripple of the drive, rms", 0.0, 1.0, "assumption")] = 0.005
     load_stiffness: Annotated[float, Quantity("N m/rad", "spring behind the sensor", 0.0, 100.0, "no load")] = 0.0
     load_damping: Annotated[float, Quantity("N m s/rad", "damper behind the sensor", 0.0, 5.0, "no load")] = 0.0
+    load_swing: Annotated[float, Quantity("rad", "by which the spring's other end is moved", 0.0, 2.0, "no load")] = 0.0
 
 
-LOADED = Bench(load_stiffness=2.0, load_damping=0.1)
+# The load moves on its own: one that only follows the wheel cannot tell a gain from a spring and other J and b.
+LOADED = Bench(load_stiffness=2.0, load_damping=0.1, load_swing=0.4)
 
 
 class Command(NamedTuple):
@@ -75,14 +79,17 @@ def bench_rollout(feed: Array, noise: Array, c: Command, p: Bench, row: Any, hon
     delay = c.delay / STEP + 0.5
     whole = int(delay)
     late = delay - whole
+    half_damping = 0.5 * STEP * p.b  # damping by the mean rate of a step
     angle, rate, play, wheel_rate = 0.0, 0.0, 0.0, 0.0
     friction, rest = 0.0, 0.0
     place = 0
     for k in range(n):
         command = feed[k] - c.stiffness * angle - c.damping * rate
-        load = p.load_stiffness * (angle - play) + p.load_damping * wheel_rate
+        t = k * LOG_PERIOD
+        held = p.load_swing * (math.sin(SWING[0] * t) + 0.5 * math.sin(SWING[1] * t))
+        load = p.load_stiffness * (angle - play - held) + p.load_damping * wheel_rate
         record[k, 0], record[k, 1], record[k, 2] = angle, command, load
-        record[k, 3], record[k, 4] = rate, wheel_rate
+        record[k, 3], record[k, 4], record[k, 5] = rate, wheel_rate, play
         for _ in range(SUBSTEPS):
             line[place % LINE] = command
             due = (1.0 - late) * line[(place - whole) % LINE] + late * line[(place - whole - 1) % LINE]
@@ -90,18 +97,18 @@ def bench_rollout(feed: Array, noise: Array, c: Command, p: Bench, row: Any, hon
             x = RigMoment(angle, rate)
             torque = c.gain * due + c.offset + noise[k] - resisting_torque(x, friction, row)
             torque -= resisting_torque(x, rest, honest)
-            load = p.load_stiffness * (angle - play) + p.load_damping * wheel_rate
+            load = p.load_stiffness * (angle - play - held) + p.load_damping * wheel_rate
             half, share = ports.half_gap(x, row), ports.wheel_share(x, row)
             if half > 0.0:
                 J_motor, J_wheel = p.J * (1.0 - share), p.J * share
-                rate += STEP * (torque - p.b * rate) / J_motor
+                rate += STEP * (torque - p.b * rate) / (J_motor + half_damping)
                 wheel_rate -= STEP * load / J_wheel
                 impulse = contact_impulse(play, rate - wheel_rate, half, 1.0 / J_motor + 1.0 / J_wheel, STEP)
                 rate -= impulse / J_motor
                 wheel_rate += impulse / J_wheel
                 play += STEP * (rate - wheel_rate)
             else:
-                rate += STEP * (torque - load - p.b * rate) / p.J
+                rate += STEP * (torque - load - p.b * rate) / (p.J + half_damping)
                 wheel_rate = rate
             moved = STEP * rate
             angle += moved

@@ -14,7 +14,7 @@ from identification.campaign import read_campaign
 from identification.gap.workflow import find_gap
 from steer_env.errors import InputError
 from steer_env.plants.model_file import read_model
-from steer_env.testcar.bench import Bench, Command, bench_campaign, bench_rollout
+from steer_env.testcar.bench import LOADED, Bench, Command, bench_campaign, bench_rollout
 from steer_env.testcar.variants import plain_car
 from tests.identification.synthetic_drive import LEVEL, drive, write_drive_campaign
 
@@ -141,6 +141,14 @@ def test_each_effect_of_a_bench_is_named(name: str, values: dict[str, float], ke
     assert result.verdict == "effect"
     assert [e.name for e in result.effects] == [name]
     assert result.effects[0].parameters[key].value == pytest.approx(values[key], rel=0.1)
+
+
+def test_a_gain_is_told_from_a_spring_where_the_load_moves_on_its_own(tmp_path: Path) -> None:
+    """Catches a second name that only undoes the first: a gain of 2.6 beside a spring, both undetermined."""
+    bench_campaign(tmp_path / "rig", {"torque_gain": {"ratio": 1.08}}, seed=1, bench=LOADED)
+    result = find_gap(read_campaign(tmp_path / "rig"))
+    assert [e.name for e in result.effects] == ["torque_gain"]
+    assert result.effects[0].parameters["ratio"].value == pytest.approx(1.08, abs=0.005)
 
 
 def test_a_plain_bench_lacks_nothing(tmp_path: Path) -> None:
