@@ -270,6 +270,8 @@ def _drive_plain(
             raise InputError("--manoeuvres", f"there is no manoeuvre '{name}'", f"give some of {', '.join(known)}")
     if order.clean:
         raise InputError("--clean", "a campaign without noise has no noise to judge by", "leave --clean away")
+    if (out / "truth.json").exists():
+        raise InputError(str(out), "this folder holds a campaign that tells its truth", "give another --out")
     car = random_car(np.random.default_rng(order.seed)) if vehicle == "random" else plain_car()
     total = len(driven) * order.repeats * len(order.speeds_kmh)
     key = hashlib.sha256(repr((order, present, driven, vehicle)).encode()).hexdigest()[:16]

@@ -100,7 +100,7 @@ def rates(
     pulled = SingleTrackState(
         drift.lateral_speed + axle.side_acceleration, drift.yaw_rate, drift.slip_front, drift.slip_rear
     )
-    return acceleration, pulled, Loads(M_tb, passed_up, axle.M_rack)
+    return acceleration, pulled, Loads(M_tb, passed_up, axle.M_sensed)
 
 
 @compiled

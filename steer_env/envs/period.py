@@ -25,7 +25,6 @@ from steer_env.physics.reference import (
     ReferenceParameters,
     admittance_step,
     impedance_step,
-    reference_load,
     single_track_of,
 )
 from steer_env.physics.sensors import measured
@@ -191,7 +190,7 @@ def control_period(
         M_tb,
         x.motor_torque,
         limited,
-        episode.rack_share * reference_load(x.pinion_angle, track, speed, car),
+        plant.rack_torque_at(x, speed, episode.rack_share, car, effects),
         x.yaw_rate,
         lateral_acceleration(track, single_track_of(car)),
         ideal,

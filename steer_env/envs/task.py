@@ -19,7 +19,7 @@ from steer_env.physics.effects.vehicle_ports import MECHANICAL, effect_row
 from steer_env.physics.sensors import Sensors
 from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
 from steer_env.plants.amplitude import hand_amplitude, paper_acceleration, steering_amplitude
-from steer_env.plants.model_file import ExtendedModel, read_model
+from steer_env.plants.model_file import ExtendedModel
 from steer_env.plants.reference import steady_stiffness
 from steer_env.units import check_ranges, from_kmh
 
@@ -45,8 +45,9 @@ class Task:
     randomise: names out of RANDOMISABLE, "all", or nothing; drawn anew at each reset from the
         environment's own generator.
     car_spread: factors on the car, where it is not drawn.
-    model: a model.json of ``steer-env gap`` or an ExtendedModel: its reference, and its effects in the plant. Effects
-        of the basic assist, and errors of sensors that no plant here has, are left out.
+    model: a model.json of ``steer-env gap`` or an ExtendedModel: its reference (``reference`` stays away then), and its
+        effects in the plant. Effects of the basic assist, and errors of sensors that no plant here has, are left out;
+        those of the others come on top of ``sensors``.
     """
 
     plant: str | Plant = "EPAS"
@@ -103,16 +104,19 @@ def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
             f"{task.manoeuvre!r} is not known",
             f"use {_suggest(task.manoeuvre, MANOEUVRES)}",
         )
-    model = read_model(task.model) if isinstance(task.model, (str, Path)) else task.model
-    if model is not None:
-        plant = with_sensor_errors(plant, model.effects, period)
-    named = task.reference if model is None else Reference(model.reference, source="model")
+    model = None if task.model is None else ExtendedModel.load(task.model)
+    if model is not None and task.reference != "published":
+        what = "a model brings its own reference"
+        raise InputError("reference", what, "leave 'reference' away, or write another reference into the model")
+    named = task.reference if model is None else model.feel
     reference = Reference.load(named, task.linear)
     speeds = _speeds(task.speed_kmh, reference, rng if "speed" in chosen else None)
     if "driver" in chosen:
         driver = random_driver(rng)
     if task.sensors is not None:
         plant = replace(plant, sensors=task.sensors)
+    if model is not None:
+        plant = with_sensor_errors(plant, model.effects, period)
     believed = plant.believed()
     if "plant" in chosen:
         plant = plant.drawn(rng)

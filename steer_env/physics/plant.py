@@ -22,7 +22,14 @@ from steer_env.physics import vehicle
 from steer_env.physics._jit import scalar
 from steer_env.physics.driver import Driver, Hand, driver_torque
 from steer_env.physics.effects import vehicle_ports as ports
-from steer_env.physics.effects.acting import bar_torques, column_after, front_axle, pinion_moment, scrub_after
+from steer_env.physics.effects.acting import (
+    FrontAxle,
+    bar_torques,
+    column_after,
+    front_axle,
+    pinion_moment,
+    scrub_after,
+)
 from steer_env.physics.friction import dahl_step, lugre_torque, stribeck_level
 from steer_env.physics.motor import lag_step
 from steer_env.physics.reference import ReferenceParameters, reference_load, single_track_of
@@ -89,6 +96,36 @@ def bristle_damping(torque: float, rate: float, p: Steering) -> float:
 
 
 @scalar
+def axle_with(
+    q: SteeringMotion, v: SingleTrackState, rack_friction: float, speed: float, car: ReferenceParameters, row: Any
+) -> FrontAxle:
+    """The front axle with a row of effects; ``rack_friction`` in N m at the pinion.
+
+    Kinematic slip (Eq. 10) follows from the angle alone, so it is corrected for the angle that effects take away on the
+    way to the wheels; relaxed slip has it already.
+    """
+    per_ratio, force = 1.0 / car.i_s, car.C_f * v.slip_front
+    M_plain = reference_load(q.pinion_angle, v, speed, car)
+    axle = front_axle(
+        q.pinion_angle, q.pinion_rate, speed, v.slip_front, force, M_plain, rack_friction, per_ratio, row
+    )
+    if car.relaxed > 0.5:
+        return axle
+    M_tyres = M_plain + vehicle.rack_torque(axle.tyre_angle - q.pinion_angle * per_ratio, single_track_of(car))
+    return front_axle(
+        q.pinion_angle, q.pinion_rate, speed, v.slip_front, force, M_tyres, rack_friction, per_ratio, row
+    )
+
+
+@scalar
+def rack_torque_at(x: PlantState, speed: float, rack_share: float, car: ReferenceParameters, row: Any) -> float:
+    """M_rack in N m with which the rack loads the lower body; ``rack_share`` 0: no rack."""
+    if row is None:
+        return rack_share * reference_load(x.pinion_angle, track_of(x), speed, car)
+    return rack_share * axle_with(motion_of(x), track_of(x), x.rack_friction, speed, car, row).M_rack
+
+
+@scalar
 def plant_rates(
     start: PlantState,
     q: SteeringMotion,
@@ -114,19 +151,12 @@ def plant_rates(
     held = bristle_torque(start.pinion_friction, travel, q.pinion_rate, steering, extra)
     pinion_friction = held + bristle_damping(held, q.pinion_rate, steering)
     M_s = driver_torque(q.steering_angle, q.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver)
-    M_plain = reference_load(q.pinion_angle, v, speed, car)
-    per_ratio = 1.0 / car.i_s
     J_driver = driver.J * hand.grip
     if row is None:
-        motion = steering_rates(
-            q, M_s, wheel_friction, pinion_friction, rack_share * M_plain, motor_torque, J_driver, steering
-        )
-        return motion, vehicle.single_track_rates(v, q.pinion_angle * per_ratio, speed, single_track_of(car))
-    rack_friction = scrub_after(start.rack_friction, travel, at_pinion, row)
-    slip = v.slip_front
-    axle = front_axle(
-        q.pinion_angle, q.pinion_rate, speed, slip, car.C_f * slip, M_plain, rack_friction, per_ratio, row
-    )
+        M_rack = rack_share * reference_load(q.pinion_angle, v, speed, car)
+        motion = steering_rates(q, M_s, wheel_friction, pinion_friction, M_rack, motor_torque, J_driver, steering)
+        return motion, vehicle.single_track_rates(v, q.pinion_angle * (1.0 / car.i_s), speed, single_track_of(car))
+    axle = axle_with(q, v, scrub_after(start.rack_friction, travel, at_pinion, row), speed, car, row)
     M_tb, M_up = bar_torques(
         q.steering_angle, q.steering_rate, q.pinion_angle, q.pinion_rate, steering.c_tb, steering.b_tb, row
     )

@@ -1,4 +1,4 @@
-"""A car's model with the effects that were found in it: ``model.json`` (docs/formats.md, section 5).
+"""A car's model with the effects that were found in it: ``model.json`` (docs/formats.md, section 6).
 
 The reference is what steering should feel like without them; the effects are what the car has besides. Environments
 made with ``model=`` put the effects into the plant and leave the reference as it is.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from steer_env import atomic
 from steer_env.errors import InputError
 from steer_env.physics.effects import EFFECTS
 from steer_env.plants import checked
+from steer_env.plants.reference import Reference
 from steer_env.plants.reference_file import LIMIT_BYTES, ReferenceFile, reference_from, reference_table
 from steer_env.units import quantities
 
@@ -29,6 +31,19 @@ class ExtendedModel:
     reference: ReferenceFile
     effects: Mapping[str, Mapping[str, float]]
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, source: str | Path | ExtendedModel) -> ExtendedModel:
+        """From a path or a model; a file is read and digested once, until it changes."""
+        if isinstance(source, ExtendedModel):
+            return source
+        path = Path(source)
+        return _loaded(str(source), path.stat().st_mtime_ns if path.is_file() else 0)
+
+    @cached_property
+    def feel(self) -> Reference:
+        """The haptic reference; made once, so that an environment's reset need not."""
+        return Reference(self.reference, source="model")
 
 
 def write_model(path: str | Path, model: ExtendedModel) -> None:
@@ -56,9 +71,19 @@ def read_model(path: str | Path) -> ExtendedModel:
         raise InputError(f"{where}: key 'effects'", "a list is expected", "write [] for a model without effects")
     effects = {}
     for index, entry in enumerate(table["effects"]):
-        name, values = _read_effect(entry, f"{where}: effects[{index}]")
+        place = f"{where}: effects[{index}]"
+        name, values = _read_effect(entry, place)
+        if name in effects:
+            raise InputError(f"{place}: key 'name'", f"'{name}' stands twice", "remove one of them")
         effects[name] = values
+    if not isinstance(table["provenance"], dict):
+        raise InputError(f"{where}: key 'provenance'", "a table is expected", "write {} when nothing is known")
     return ExtendedModel(reference, effects, table["provenance"])
+
+
+@lru_cache(maxsize=32)
+def _loaded(source: str, changed: int) -> ExtendedModel:
+    return read_model(source)
 
 
 def _read_effect(entry: object, where: str) -> tuple[str, dict[str, float]]:

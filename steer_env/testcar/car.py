@@ -129,18 +129,22 @@ def friction_after(x: CarState, q: SteeringMotion, speed: float, s: Steering, ro
 @scalar
 def track_rates(
     q: SteeringMotion, v: TwoTrackState, rack_friction: float, load: Load, p: TwoTrack, row: Any
-) -> tuple[TwoTrackState, float, float]:
-    """Derivatives, a_y and M_rack (as ``two_track_rates``) behind whatever effects lie between pinion and tyres."""
+) -> tuple[TwoTrackState, float, float, float]:
+    """Derivatives, a_y, M_rack (as ``two_track_rates``) behind whatever effects lie between pinion and tyres.
+
+    The last is the rack force over i_rp in N m, as strain gauges have it.
+    """
     per_ratio = 1.0 / p.i_s
     plain_angle = q.pinion_angle * per_ratio
     if row is None:
-        return two_track_rates(v, plain_angle, load.speed, load.side_force, p)
+        rates, a_y, M_rack = two_track_rates(v, plain_angle, load.speed, load.side_force, p)
+        return rates, a_y, M_rack, M_rack
     c = contact(v, plain_angle, p)
     force, slip = c.force_fl + c.force_fr, 0.5 * (v.slip_fl + v.slip_fr)
     torque = rack_torque_of(c, plain_angle, p)
     axle = front_axle(q.pinion_angle, q.pinion_rate, load.speed, slip, force, torque, rack_friction, per_ratio, row)
     rates, a_y, _ = two_track_rates(v, axle.tyre_angle, load.speed, load.side_force, p)
-    return pulled(rates, axle.side_acceleration), a_y, axle.M_rack
+    return pulled(rates, axle.side_acceleration), a_y, axle.M_rack, axle.M_sensed
 
 
 @scalar
@@ -149,7 +153,7 @@ def car_rates(
 ) -> tuple[SteeringMotion, TwoTrackState]:
     """Derivatives at ``q`` and ``v`` reached from ``x``; ``motor_torque`` in N m at the pinion."""
     friction = friction_after(x, q, load.speed, p.steering, row)
-    rates, _, M_rack = track_rates(q, v, friction.rack, load, p.vehicle, row)
+    rates, _, M_rack, _ = track_rates(q, v, friction.rack, load, p.vehicle, row)
     shaft = motor_torque / p.steering.motor_ratio
     at_pinion = pinion_moment(q.pinion_angle, q.pinion_rate, load.speed)
     M_load = M_rack + load.road_torque + ports.pinion_torque(at_pinion, row)

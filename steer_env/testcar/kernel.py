@@ -83,7 +83,7 @@ def servo_torque(target: float, target_rate: float, angle: float, rate: float, p
 def record_row(record: Array, x: CarState, robot_torque: float, load: Load, p: Mechanics, row: Any) -> float:
     """Write one row of RECORD; returns the torsion-bar torque in N m."""
     q = x.motion
-    _, a_y, M_rack = track_rates(q, x.track, x.rack_friction, load, p.vehicle, row)
+    _, a_y, _, M_sensed = track_rates(q, x.track, x.rack_friction, load, p.vehicle, row)
     M_tb, _ = bar_torques(
         q.steering_angle, q.steering_rate, q.pinion_angle, q.pinion_rate, p.steering.c_tb, p.steering.b_tb, row
     )
@@ -91,7 +91,7 @@ def record_row(record: Array, x: CarState, robot_torque: float, load: Load, p: M
     record[2], record[3] = q.pinion_angle, q.pinion_rate
     record[4], record[5] = robot_torque, M_tb
     record[6], record[7], record[8] = x.basic, x.compensation, x.pinion_friction
-    record[9] = M_rack + load.road_torque
+    record[9] = M_sensed + load.road_torque
     record[10], record[11], record[12], record[13] = x.track.lateral_speed, x.track.yaw_rate, a_y, x.track.roll
     return M_tb
 

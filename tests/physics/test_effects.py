@@ -122,14 +122,16 @@ def test_universal_joint_does_no_work_over_half_a_turn() -> None:
     assert (there[0] - there[1]) / (2.0 * step) == pytest.approx(slope(Moment(*([0.3] + [0.0] * 10)), p), rel=1e-8)
 
 
-def test_variable_ratio_conserves_power() -> None:
+@pytest.mark.parametrize(("a", "d"), [(0.1, 1.3), (-0.1, 1.3), (-0.4, 3.5), (-0.4, -3.5)])
+def test_variable_ratio_conserves_power(a: float, d: float) -> None:
     """d(angle)/d(delta) equals the factor on the torque: what goes in as work comes out as work."""
-    p, d, step = VariableRatio(0.1), 1.3, 1e-6
+    p, step = VariableRatio(a), 1e-6
     rise = (
         ratio_angle(at_rack(d + step, 0.0, 0.0, 0.0, 0.0, 0.0), p)
         - ratio_angle(at_rack(d - step, 0.0, 0.0, 0.0, 0.0, 0.0), p)
     ) / (2.0 * step)
     assert rise == pytest.approx(ratio_factor(at_rack(d, 0.0, 0.0, 0.0, 0.0, 0.0), p), rel=1e-8)
+    assert rise > -1.0  # the rack never turns back
 
 
 def test_backlash_loses_the_gap_on_the_loaded_side() -> None:

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from experiments.cli import main
 from experiments.hidden_campaign import answer_path, hidden_campaign, parse_hidden, write_answer
 from steer_env.errors import InputError
 from steer_env.physics.effects import EFFECTS
@@ -52,13 +54,13 @@ def probe(name: str) -> dict[str, dict[str, float]]:
 
 
 def test_a_row_of_absent_effects_is_the_plain_car() -> None:
-    """Catches a port that is not zero at rest; the last bit may differ where 0 is added to a product."""
+    """Catches a port that is not zero at rest."""
     angle, rate = (part[:3000] for part in robot_target("steady_state", 0.6))
     quiet = np.zeros_like(angle)
     speed = from_kmh(60.0)
     plain = rollout(angle, rate, quiet, quiet, speed, machine_at(speed, CAR), None)
     absent = rollout(angle, rate, quiet, quiet, speed, machine_at(speed, CAR), effect_row({}))
-    np.testing.assert_allclose(absent, plain, rtol=1e-9, atol=1e-12)
+    assert np.array_equal(absent, plain)
 
 
 @pytest.mark.parametrize("name", sorted(SHOWS))
@@ -120,6 +122,14 @@ def test_hide_is_parsed_and_refused() -> None:
     for text in ("nonsense", "backlash=wide", "backlash:depth=1", "backlash=5"):
         with pytest.raises(InputError, match="--hide"):
             parse_hidden([text], 0)
+
+
+def test_a_folder_that_tells_its_truth_is_refused(tmp_path: Path) -> None:
+    """The truth of an earlier campaign would lie beside the blind runs."""
+    (tmp_path / "truth.json").write_text("{}")
+    refused = CliRunner().invoke(main, ["simulate", "--hide", "none", "--out", str(tmp_path), "--quiet"])
+    assert refused.exit_code == 2
+    assert not answer_path(tmp_path).exists()
 
 
 def test_random_cars_differ_and_repeat() -> None:

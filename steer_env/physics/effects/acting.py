@@ -16,10 +16,15 @@ from steer_env.physics.friction import dahl_step
 
 
 class FrontAxle(NamedTuple):
-    """What the front axle does: tyre steer angle in rad, torque at the pinion in N m, side acceleration in m/s2."""
+    """What the front axle does: tyre steer angle in rad, torque at the pinion in N m, side acceleration in m/s2.
+
+    ``M_sensed`` in N m is the rack force as a sensor on the rack has it, over i_rp: a ratio that varies changes what of
+    it reaches the pinion, not the force itself.
+    """
 
     tyre_angle: float
     M_rack: float
+    M_sensed: float
     side_acceleration: float
 
 
@@ -82,9 +87,11 @@ def front_axle(
     ``per_ratio`` is 1 / i_s; ``rack_friction`` in N m as it stands.
     """
     x = at_rack(pinion_angle, pinion_rate, speed, front_slip, front_force, tyre_torque)
-    M_rack = tyre_torque * (1.0 + ports.trail(x, row)) * (1.0 + ports.rack_ratio(x, row))
+    tyres = tyre_torque * (1.0 + ports.trail(x, row))
+    resisting = ports.rack_torque(x, row)
     return FrontAxle(
         (pinion_angle + ports.rack_angle(x, row)) * per_ratio + ports.tyre_angle(x, row),
-        M_rack + ports.rack_torque(x, row) + rack_friction,
+        tyres * (1.0 + ports.rack_ratio(x, row)) + resisting + rack_friction,
+        tyres + resisting + rack_friction,
         ports.side_acceleration(x, row),
     )
