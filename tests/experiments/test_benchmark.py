@@ -177,6 +177,7 @@ def test_the_command_writes_scores_and_a_report(tmp_path, monkeypatch):
     assert {s["controller"] for s in scores["ranking"]} == {"pid", "open_loop_map"}
     assert all(s["rank_interval"][0] <= s["rank"] <= s["rank_interval"][1] for s in scores["ranking"])
     assert len(scores["gates"]) == 2 * 4
+    assert set(scores["step_cost"]) == {"pid", "open_loop_map"}
     with (tmp_path / "scores.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(PAIR) + len(SCORED)
