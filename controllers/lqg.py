@@ -76,7 +76,7 @@ class LqgParameters(NamedTuple):
     K_motor: Annotated[float, Quantity("-", "LQ gain", -1e3, 1e3, "LQ")]
     K_integral: Annotated[float, Quantity("1/s", "LQ gain", -1e6, 1e6, "LQ")]
     effort: Annotated[float, Quantity("-", "command per torque error, the weight of the LQ", 0.01, 1e3, "assumption")]
-    corner: Annotated[float, Quantity("1/s", "weight of the integral", 0.0, 1e3, "assumption")]
+    corner: Annotated[float, Quantity("1/s", "weight of the integral; 0: none", 0.0, 1e3, "assumption")]
     hand: Annotated[float, Quantity("N m/s", "wander of the hand's torque, per root s", 0.01, 1e5, "assumption")]
     load: Annotated[float, Quantity("N m/s", "wander of the unknown load, per root s", 0.01, 1e5, "assumption")]
     rate_share: Annotated[float, Quantity("-", "share of the target's rate", 0.0, 1.0, "assumption")] = 0.5

@@ -35,13 +35,16 @@ def design(
     # Twist, its rate, the motor's torque and the integral of the torque error.
     A, B, torque = twist_matrices(plant)
     narrow = np.block([[A, np.zeros((3, 1))], [torque, np.zeros((1, 1))]])
-    A_t, B_t = discrete(narrow, np.vstack([B, [[0.0]]]), period)
+    # Nothing weighs the integral at no corner: it stays out, or no gain would be the least.
+    n = 4 if chosen.corner > 0.0 else 3
+    A_t, B_t = discrete(narrow[:n, :n], np.vstack([B, [[0.0]]])[:n], period)
     cost = np.zeros((4, 4))
     cost[:3, :3] = torque.T @ torque
     cost[3, 3] = chosen.corner**2
     R = np.array([[(plant.steering.motor_ratio / chosen.effort) ** 2]])
-    S = solve_discrete_are(A_t, B_t, cost, R)
-    K = np.linalg.solve(R + B_t.T @ S @ B_t, B_t.T @ S @ A_t)[0]
+    S = solve_discrete_are(A_t, B_t, cost[:n, :n], R)
+    K = np.zeros(4)
+    K[:n] = np.linalg.solve(R + B_t.T @ S @ B_t, B_t.T @ S @ A_t)[0]
     names = ("K_twist", "K_rate", "K_motor", "K_integral")
     found = {name: float(k) for name, k in zip(names, K, strict=True)}
     return chosen, {**kalman_gains(plant, period, chosen.hand, chosen.load), **found}

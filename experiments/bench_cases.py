@@ -28,6 +28,7 @@ SPEEDS_KMH = (45.0, 75.0, 105.0)
 MANOEUVRES = ("frequency_response", "steady_state")
 ARMS = ("relaxed", "tense")
 FAST_CHIRP, ROBOT = "high_frequency_response", "robot"  # beyond what arms can drive
+RAMP = "constant_speed_cornering"  # slow, from the centre: shows the dead band
 LINEAR_SPEED_KMH = 75.0  # the paper's Figure 9
 SETTLE_S = 1.0  # rest after the manoeuvre, so that a response is transformed without a window
 LOOP_POINTS = 400  # per hysteresis loop kept for plots
@@ -71,7 +72,7 @@ def grid(
     speeds_kmh: Sequence[float] = SPEEDS_KMH,
     arms: Sequence[str] = ARMS,
 ) -> list[Case]:
-    """Every plant x causality x controller x speed x manoeuvre x arm, the linear chirps and the fast one."""
+    """Every plant x causality x controller x speed x manoeuvre x arm, the slow ramp, the linear chirps, the fast one."""
     combinations = list(product(PLANT_NAMES, controllers.CAUSALITIES, names))
     cases = [
         Case(plant, causality, name, speed, manoeuvre, arm)
@@ -81,6 +82,7 @@ def grid(
     chirp = MANOEUVRES[0]
     for plant, causality, name in combinations:
         cases.append(Case(plant, causality, name, LINEAR_SPEED_KMH, FAST_CHIRP, ROBOT))
+        cases.append(Case(plant, causality, name, LINEAR_SPEED_KMH, RAMP, arms[0]))
         for arm in arms:
             cases.append(Case(plant, causality, name, LINEAR_SPEED_KMH, chirp, arm, linear=True))
         if name != "open_loop_map":
@@ -164,7 +166,7 @@ def result_of(
         return {**result, "scores": {}, "plot": {}, "stopped_after_s": float(episode["time"][-1])}
     trial = trial_of(case, episode)
     scores = {k: v if np.isfinite(v) else None for k, v in score(trial).items()}
-    if case.split or case.manoeuvre == FAST_CHIRP:
+    if case.split or case.manoeuvre not in MANOEUVRES:
         plot = compact_plot(trial) if case.draw == 0 else {}
     else:
         arrays = _response(trial) if case.manoeuvre == MANOEUVRES[0] else last_cycle(trial, LOOP_POINTS)

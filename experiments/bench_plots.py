@@ -15,7 +15,7 @@ from steer_env.units import to_deg
 
 RESPONSE_POINTS = 40
 LOOP_POINTS = 60  # per cycle
-TRACE_POINTS = 100
+TRACE_SPANS = 60  # of a trace over time, two points each
 
 
 def compact_plot(trial: Trial) -> dict[str, Any]:
@@ -55,16 +55,34 @@ def last_cycle(trial: Trial, points: int) -> dict[str, Array]:
 
 
 def _trace(trial: Trial) -> dict[str, Any]:
-    step = max(len(trial.episode.signals) // TRACE_POINTS, 1)
     torque = trial.causality == "impedance"
     scale = 1.0 if torque else to_deg(1.0)
-    achieved = trial.achieved[1] if torque else trial.achieved[0]
+    achieved = scale * (trial.achieved[1] if torque else trial.achieved[0])
+    reference = scale * trial.episode["reference"]
+    time, low_high = envelope(trial.episode["time"], achieved, reference, achieved - reference)
+    names = ("achieved", "reference", "error")
     return {
-        "time_s": rounded(trial.episode["time"][::step]),
+        "time_s": rounded(time),
         "unit": "N m" if torque else "deg",
-        "achieved": rounded(scale * achieved[::step]),
-        "reference": rounded(scale * trial.episode["reference"][::step]),
+        **{name: rounded(values) for name, values in zip(names, low_high, strict=True)},
     }
+
+
+def envelope(time: Array, *signals: Array, spans: int = TRACE_SPANS) -> tuple[Array, list[Array]]:
+    """Least and greatest value of each signal [n] in up to so many equal spans, in the order in which they came.
+
+    With their times, evenly spaced: nothing that is faster than the points looks slower, and no peak is lost. The last
+    span may lack samples.
+    """
+    step = max(-(-len(time) // spans), 1)
+    found = []
+    for values in signals:
+        parts = [values[k : k + step] for k in range(0, len(values), step)]
+        places = [sorted((int(part.argmin()), int(part.argmax()))) for part in parts]
+        found.append(np.array([part[k] for part, pair in zip(parts, places, strict=True) for k in pair]))
+    period = (time[-1] - time[0]) / max(len(time) - 1, 1)
+    evenly = np.arange(2 * -(-len(time) // step))
+    return time[0] + period * (0.5 * step * (0.5 + evenly) - 0.5), found
 
 
 def rounded(values: Array) -> list[float]:

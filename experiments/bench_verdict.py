@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.bench_cases import FAST_CHIRP
+from experiments.bench_cases import MANOEUVRES
 
 BASELINE = "open_loop_map"
 LIMIT_DB, LIMIT_DEG = 1.5, 10.0  # asked for at 75 km/h, 0.2-4 Hz, against the linear reference
@@ -68,11 +68,11 @@ def _verdict(key: tuple[str, str, str], results: Sequence[dict[str, Any]]) -> Ve
 
 
 def _full(results: Iterable[dict[str, Any]], name: str) -> list[dict[str, Any]]:
-    """Cases with the complete reference of one controller, without the chirp that no arm can drive."""
+    """Chirps and sines with the complete reference of one controller."""
     return [
         r
         for r in results
-        if r["case"]["controller"] == name and not r["case"]["linear"] and r["case"]["manoeuvre"] != FAST_CHIRP
+        if r["case"]["controller"] == name and not r["case"]["linear"] and r["case"]["manoeuvre"] in MANOEUVRES
     ]
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from experiments.bench_cases import FAST_CHIRP
+from experiments.bench_cases import FAST_CHIRP, RAMP
 from experiments.bench_verdict import BASELINE, LIMIT_DB, LIMIT_DEG, REQUIRED_BAND_HZ, Verdict
 from experiments.measures import JND_DB, JND_DEG
 from experiments.metrics import BAND_HZ
@@ -40,6 +40,7 @@ def plant_section(
         _nominal(report, plant, summary, looks)
     _deviations(report, plant, shown_exhibits, shown_scored, looks)
     _signals(report, plant, shown_exhibits, looks)
+    _dead_bands(report, plant, shown_exhibits, looks)
     _maps(report, plant, shown_scored, looks)
     if systems:
         _nominal(report, plant, summary, looks)
@@ -146,6 +147,28 @@ def _signals(report: Report, plant: str, exhibits: Sequence[Result], looks: Look
             figures.loops(sines, looks),
             f"{plant}, nominal plant: steady-state response at {place}, 0.2 Hz (as the paper's Figure 11).",
         )
+
+
+def _dead_bands(report: Report, plant: str, exhibits: Sequence[Result], looks: Looks) -> None:
+    ramps = [r for r in exhibits if r["case"]["manoeuvre"] == RAMP and r["stable"]]
+    if not ramps:
+        return
+
+    def cell(result: Result, name: str) -> str | None:
+        values = result["scores"].get(name), result["scores"].get(f"{name}_reference")
+        return None if None in values else f"{values[0]:.2f} ({values[1]:.2f})"
+
+    report.table(
+        ["causality", "controller", "torque dead band [N m]", "wheel-angle dead band [deg]"],
+        [
+            [r["case"]["causality"], looks[r["case"]["controller"]].label,
+             *(cell(r, name) for name in ("torque_dead_band", "angle_dead_band"))]
+            for r in ramps
+        ],
+        f"{plant}, nominal plant, not scored: how far torque and wheel go from the centre before the car answers, in a "
+        f"slow ramp at {SHOWN_SPEED_KMH:.0f} km/h, {SHOWN_ARM} arm; the reference's in brackets.",
+        dense=True,
+    )  # fmt: skip
 
 
 def _maps(report: Report, plant: str, scored: Sequence[Result], looks: Looks) -> None:

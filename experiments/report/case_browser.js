@@ -54,8 +54,7 @@
     if (data.time_s) {
       const count = data.achieved.length, [first, last] = data.time_s;
       const time = data.achieved.map((_, k) => first + ((last - first) * k) / Math.max(count - 1, 1));
-      const error = data.achieved.map((value, k) => value - data.reference[k]);
-      return [[time, data.reference, 1, true], [time, data.achieved, 1, false], [time, error, 2, false]];
+      return [[time, data.reference, 1, true], [time, data.achieved, 1, false], [time, data.error, 2, false]];
     }
     return [[data.reference_angle_deg, data.reference_torque_Nm, 1, true], [data.achieved_angle_deg, data.achieved_torque_Nm, 1, false]];
   }
@@ -127,8 +126,8 @@
   function kindOf(data) {
     if (data.ratio_dB) return "Achieved over reference; grey: one JND.";
     if (!data.time_s) return "Last cycle; dashed: the reference in the same run.";
-    const step_ms = (1e3 * (data.time_s[1] - data.time_s[0])) / Math.max(data.achieved.length - 1, 1);
-    return `Dashed: the reference in the same run. One point in ${step_ms.toFixed(0)} ms: what is faster looks slower here.`;
+    const span_ms = (2e3 * (data.time_s[1] - data.time_s[0])) / Math.max(data.achieved.length - 1, 1);
+    return `Dashed: the reference in the same run. Least and greatest value of every ${span_ms.toFixed(0)} ms, so that no peak is lost.`;
   }
 
   function draw(index, other) {

@@ -41,3 +41,20 @@ def test_the_disturbance_observer_takes_off_what_the_model_does_not_know(causali
         return rms(run(task, law, seed=1)["error"])
 
     assert error() < 0.6 * error(q_bandwidth=0.0)
+
+
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
+def test_no_corner_is_the_end_of_smaller_and_smaller_ones(plant):
+    """The integral without weight has no least cost; its range has 0 in it, which must mean no integral."""
+    without, hardly = (
+        with_period(controllers.make("lqg", plant, Reference.load("published"), "impedance", corner=corner))
+        for corner in (0.0, 1e-4)
+    )
+    assert without.K_integral == 0.0
+    for name in ("K_twist", "K_rate", "K_motor"):
+        assert getattr(without, name) == pytest.approx(getattr(hardly, name), rel=1e-4), name
+
+
+def with_period(controller):
+    controller.reset(1e-3)
+    return controller.parameters

@@ -25,7 +25,8 @@ def plot_of(manoeuvre, size):
         return {"achieved_angle_deg": angle, "achieved_torque_Nm": torque,
                 "reference_angle_deg": angle, "reference_torque_Nm": torque}  # fmt: skip
     time = [0.0, 0.5, 1.0, 1.5]
-    return {"time_s": time, "unit": "N m", "achieved": [0.0, size, size, 0.0], "reference": [0.0, 1.0, 1.0, 0.0]}
+    return {"time_s": time, "unit": "N m", "achieved": [0.0, size, size, 0.0], "reference": [0.0, 1.0, 1.0, 0.0],
+            "error": [0.0, size - 1.0, size - 1.0, 0.0]}  # fmt: skip
 
 
 def scored(jnd, unstable=(), causality_factor=1.0):

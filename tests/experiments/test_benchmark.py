@@ -95,11 +95,11 @@ def test_the_key_follows_everything_a_result_depends_on(tmp_path):
 
 
 def test_the_exhibits_have_every_combination_once():
-    """Catches a case left out or driven twice: 2 plants x 2 causalities x (12 complete, 1 fast, 2 linear) each."""
+    """Catches a case left out or driven twice: 2 plants x 2 causalities x (12 complete, fast, ramp, 2 linear) each."""
     cases = bench_cases.grid()
     laws = len(CONTROLLERS)
     prompt = 4 * (laws - 1)  # the map has no feedback that delay could hurt
-    assert len({case.name for case in cases}) == len(cases) == 4 * laws * (12 + 1 + 2) + prompt
+    assert len({case.name for case in cases}) == len(cases) == 4 * laws * (12 + 1 + 1 + 2) + prompt
     assert sum(case.prompt for case in cases) == prompt
 
 
@@ -177,6 +177,7 @@ def test_the_command_writes_scores_and_a_report(tmp_path, monkeypatch):
     assert {s["controller"] for s in scores["ranking"]} == {"pid", "open_loop_map"}
     assert all(s["rank_interval"][0] <= s["rank"] <= s["rank_interval"][1] for s in scores["ranking"])
     assert len(scores["gates"]) == 2 * 4
+    assert set(scores["step_cost"]) == {"pid", "open_loop_map"}
     with (tmp_path / "scores.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(PAIR) + len(SCORED)

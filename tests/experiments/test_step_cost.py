@@ -51,3 +51,12 @@ def test_every_controller_is_in_the_table_and_mpc_with_a_limit_acting(monkeypatc
     assert shown["period_us"] == pytest.approx(1000.0)
     assert [row["controller"] for row in shown["costs"]] == [cost.controller for cost in costs]
     assert step_cost.LIMITED in CliRunner().invoke(step_cost.main, []).output
+
+
+def test_the_benchmark_gets_every_law_that_runs_compiled(monkeypatch):
+    """Catches a user's controller without a pure law that ends the run, and a law timed on another's observations."""
+    monkeypatch.setattr(step_cost, "REPORTED_STEPS", 300)
+    mine = {"mine": lambda *told: controllers.make("pid", *told), "stepwise": lambda *_: object()}
+    found = step_cost.reported(["open_loop_map", "mine", "stepwise"], Reference.load("published"), mine)
+    assert list(found) == ["open_loop_map", "mine"]
+    assert all(0.0 < cost["p50_us"] <= cost["p999_us"] for cost in found.values())
