@@ -72,7 +72,7 @@ def grid(
     speeds_kmh: Sequence[float] = SPEEDS_KMH,
     arms: Sequence[str] = ARMS,
 ) -> list[Case]:
-    """Every plant x causality x controller x speed x manoeuvre x arm, the slow ramp, the linear chirps, the fast one."""
+    """Every plant x causality x controller x speed x manoeuvre x arm, slow ramp, linear chirps, the fast one."""
     combinations = list(product(PLANT_NAMES, controllers.CAUSALITIES, names))
     cases = [
         Case(plant, causality, name, speed, manoeuvre, arm)
