@@ -184,7 +184,7 @@ def _settle(setup: Setup, state: Array, lines: Array, M_tb: float, rate: float) 
     motor = (M_load + slides * s.M_fric + s.b_pin * rate - M_tb) / s.motor_ratio
     wheel = angle + M_tb / s.c_tb
     frictions = slides * s.M_s_fric, slides * s.M_fric
-    state[STATE["plant"]] = [wheel, rate, angle, rate, *(real_car * angle), *frictions, motor]
+    state[STATE["plant"]] = [wheel, rate, angle, rate, *(real_car * angle), *frictions, motor, 0.0, 0.0]
     sensors = setup.plant.sensors
     seen = angle - rate * PERIOD * sensors.angle_delay
     observer = PARAMETERS.read(setup.row, "observer")
