@@ -158,11 +158,13 @@ def test_a_plain_bench_lacks_nothing(tmp_path: Path) -> None:
 
 
 def test_a_drive_shows_its_friction(tmp_path: Path) -> None:
-    """An independent drive with Dahl friction of 0.4 N m: friction is named and its level found."""
+    """An independent drive with Dahl friction of 0.4 N m and a bias that walks at random: both, and nothing else."""
     result = find_gap(read_campaign(write_drive_campaign(tmp_path / "drive", drive(1))))
     assert result.verdict == "effect"
-    assert result.effects[0].name in ("coulomb_friction", "presliding_friction")
-    assert result.effects[0].parameters["level_Nm"].value == pytest.approx(LEVEL, rel=0.25)
+    friction = [e for e in result.effects if e.name in ("coulomb_friction", "presliding_friction")]
+    assert len(friction) == 1
+    assert friction[0].parameters["level_Nm"].value == pytest.approx(LEVEL, rel=0.15)
+    assert {e.name for e in result.effects} - {friction[0].name} <= {"torque_offset_drift"}
 
 
 @pytest.mark.skipif(not MKZ.exists(), reason=f"the measured drive is not there ({MKZ})")
