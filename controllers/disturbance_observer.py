@@ -44,6 +44,7 @@ _N = "the plant's nominal value"
 # What tuning may change, as factors on the design's own values.
 TUNABLE: dict[str, tuple[float, float]] = {
     "prediction": (0.3, 3.0),
+    "damping_prediction": (0.3, 4.0),
     "q_bandwidth": (0.1, 5.0),
     "gain": (0.3, 2.5),
     "derivative": (0.4, 2.0),
@@ -69,7 +70,8 @@ class ObserverParameters(NamedTuple):
     M_fric: Annotated[float, Quantity("N m", "lower-body friction", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
     slope_limit: Annotated[float, Quantity("-", "assist slope beyond which the angle yields", 1.0, 50.0, "assumption")]
-    prediction: Annotated[float, Quantity("s", "foretelling of the motion, impedance", 0.0, 0.1, "assumption: T_d")]
+    prediction: Annotated[float, Quantity("s", "stiffness foretold by, impedance", 0.0, 0.1, "assumption: T_d")]
+    damping_prediction: Annotated[float, Quantity("s", "damping foretold by, impedance", 0.0, 0.1, "assumption: T_d")]
     command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
     motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     observer_bandwidth: Annotated[float, Quantity("rad/s", "of the control unit's observer", 1.0, 2e3, _N)]

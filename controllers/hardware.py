@@ -34,6 +34,7 @@ def hardware_of(plant: Plant, reference: Reference, period: float) -> dict[str, 
         "c_fric": s.c_fric,
         "slope_limit": SLOPE_LIMIT_RACK if plant.rack_share > 0.5 else SLOPE_LIMIT_FREE,
         "prediction": total_delay(plant, period),
+        "damping_prediction": total_delay(plant, period),
         "command_age": min(1.0 + plant.sensors.angle_delay + plant.motor.dead_time, SEEN_COMMANDS),
         "motor_decay": lag_decay(plant.motor.bandwidth_Hz, period),
     }

@@ -49,6 +49,7 @@ BANDWIDTH = {
 # What tuning may change, as factors on the design's own values.
 TUNABLE: dict[str, tuple[float, float]] = {
     "prediction": (0.3, 3.0),
+    "damping_prediction": (0.3, 4.0),
     "effort": (0.2, 5.0),
     "hand": (0.1, 10.0),
     "load": (0.1, 10.0),
@@ -84,7 +85,8 @@ class MpcParameters(NamedTuple):
     M_fric: Annotated[float, Quantity("N m", "lower-body friction", 0.0, 20.0, _N)]
     c_fric: Annotated[float, Quantity("N m/rad", "its Dahl stiffness", 0.1, 1e5, _N)]
     slope_limit: Annotated[float, Quantity("-", "assist slope beyond which the angle yields", 1.0, 50.0, "assumption")]
-    prediction: Annotated[float, Quantity("s", "foretelling of the motion, impedance", 0.0, 0.1, "assumption: T_d")]
+    prediction: Annotated[float, Quantity("s", "stiffness foretold by, impedance", 0.0, 0.1, "assumption: T_d")]
+    damping_prediction: Annotated[float, Quantity("s", "damping foretold by, impedance", 0.0, 0.1, "assumption: T_d")]
     command_age: Annotated[float, Quantity("periods", "command that moved the angle now seen", 1, 4, _N)]
     motor_decay: Annotated[float, Quantity("-", "what the motor's lag keeps over a period", 0.0, 1.0, _N)]
     c_tb: Annotated[float, Quantity("N m/rad", "torsion-bar stiffness", 10.0, 5e4, _N)]

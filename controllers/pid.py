@@ -31,6 +31,7 @@ from steer_env.plants import Plant, Reference
 # What tuning may change, as factors on the design's own values.
 TUNABLE: dict[str, tuple[float, float]] = {
     "prediction": (0.3, 3.0),
+    "damping_prediction": (0.3, 4.0),
     "torque_gain": (0.3, 2.5),
     "torque_integral": (0.1, 10.0),
     "acceleration_bandwidth": (0.3, 2.0),
@@ -120,9 +121,11 @@ def foretold(acceleration: float, o: Observation, felt: Felt, p: Any) -> float:
     """What M_eff gains in N m until the command acts.
 
     What is measured is late and what is commanded acts late: stiffness and damping are taken where the
-    pinion will be. The acceleration cannot be foretold.
+    pinion will be. The acceleration cannot be foretold: late inertia feels like damping and like less
+    inertia. Stiffness foretold by less and damping by more than the delay make up for that where both matter.
     """
-    ahead: float = p.prediction * (felt.stiffness * o.pinion_rate + felt.b_ref * acceleration)
+    ahead: float = p.prediction * felt.stiffness * o.pinion_rate
+    ahead = ahead + p.damping_prediction * felt.b_ref * acceleration
     return ahead
 
 

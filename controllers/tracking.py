@@ -1,8 +1,8 @@
 """What lead and disturbance observer share: targets as torsion-bar torques, and what the model takes.
 
 ``p`` is the record of the law that calls; it has the fields named here: period, J_pin, b_pin,
-M_fric, c_fric, motor_ratio, prediction, command_age, motor_decay, rack_share, acceleration_bandwidth, gain,
-natural, damping_ratio, inertia_share, slope_limit.
+M_fric, c_fric, motor_ratio, prediction, damping_prediction, command_age, motor_decay, rack_share,
+acceleration_bandwidth, gain, natural, damping_ratio, inertia_share, slope_limit.
 """
 
 from __future__ import annotations
