@@ -13,7 +13,7 @@ from identification.gap.fit import stacked
 from identification.gap.result import GapResult
 from identification.gap.search import LEAST_ERROR, screen
 
-SEPARABLE = 0.01  # share of a column that no nominal parameter makes
+SEPARABLE = 0.1  # share of a column that no nominal parameter makes
 THRESHOLD = 0.1  # of a coefficient, columns and target being of length one: PySINDy's own default
 
 
