@@ -29,6 +29,7 @@ from experiments.limit import as_records, limits
 from experiments.metrics import METRICS
 from experiments.robustness import QUICK_KMH
 from experiments.step_cost import reported
+from experiments.z_width import z_widths
 from steer_env import __version__, atomic
 from steer_env.errors import InputError
 from steer_env.plants import Reference
@@ -67,6 +68,8 @@ def benchmark(
     speeds, arms = ((QUICK_KMH,), ("relaxed",)) if quick else (LIMIT_KMH, protocol.arms)
     proof["limit"] = as_records(limits(plain, chosen, speeds, makers, arms))
     advance(note="limit")
+    if not quick:
+        proof["z_width"] = [width._asdict() for width in z_widths(plain, chosen, makers, advance)]
     proof["step_cost"] = reported(plain, chosen, makers)
     advance(note="step cost")
     return write_scores(out, results, chosen.source, seed, gates, proof, quick)
@@ -121,7 +124,8 @@ def command(
     names = [*_shipped(only), *own]
     for name in own:
         controllers.maker(name)  # a misspelt name ends here, not after minutes
-    total = len(cases_of(names, Protocol.load(), quick)) + 6  # and the proof of four systems, limit and step cost
+    parts = 6 if quick else 10  # proof and Z-width of four systems, limit, step cost
+    total = len(cases_of(names, Protocol.load(), quick)) + parts
     with progress("benchmark", total=total, quiet=quiet) as advance:
         summary = benchmark(
             names, reference, quick=quick, seed=seed, jobs=jobs, out=out, ray=ray, advance=advance

@@ -6,8 +6,8 @@ The ``felt_`` rows compare torques at the true motion in both, so that the two c
 each other. To add a metric, write a function of a ``Trial`` and add a row to METRICS; a test gives
 it a case whose answer is known. A metric that an episode cannot tell is NaN; it never raises.
 
-Margins, the radius of coupled stability and the Z-width are properties of a loop and a set of arms,
-not of an episode, and are not here.
+Margins, the radius of coupled stability (experiments.assessment) and the Z-width (experiments.z_width)
+are properties of a loop and a set of arms, not of an episode.
 """
 
 from __future__ import annotations

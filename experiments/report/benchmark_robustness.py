@@ -10,6 +10,7 @@ from experiments.report.benchmark_robustness_map import GOOD_DISK, robustness_ma
 from experiments.report.benchmark_safety import place_words, unstable_at
 from experiments.report.page import Report
 from experiments.report.style import Look
+from experiments.z_width import DAMPING, STIFFNESS
 
 Record = Mapping[str, Any]
 Looks = Mapping[str, Look]
@@ -42,6 +43,27 @@ def robustness(report: Report, summary: Record, looks: Looks) -> None:
         _own_failures(report, assessments)
     if confirmations:
         _confirmed(report, confirmations, looks)
+    _z_widths(report, summary.get("z_width") or (), looks)
+
+
+def _z_widths(report: Report, widths: Sequence[Record], looks: Looks) -> None:
+    if not widths:
+        return
+    systems = list(dict.fromkeys(f"{w['plant']} {w['causality']}" for w in widths))
+    at = {(f"{w['plant']} {w['causality']}", w["controller"]): w for w in widths}
+
+    def cell(width: Record | None) -> str | None:
+        if width is None or width["width"] is None:
+            return None
+        return f"{100.0 * width['width']:.0f} % ({width['stiffness']:g} x, {width['damping']:g} x)"
+
+    report.table(
+        ["controller", *systems],
+        [[look.label, *(cell(at.get((system, name))) for system in systems)] for name, look in looks.items()],
+        "Z-width: share of the virtual springs and dampers, multiples of the reference's own at about 75 km/h, that "
+        "the loop renders stably with every arm, of those that the reference itself bears. In brackets the largest "
+        f"stiffness and damping with the other left as it is (tried up to {STIFFNESS[-1]:g} and {DAMPING[-1]:g}).",
+    )
 
 
 def _judged(assessments: Sequence[Record]) -> str:
