@@ -103,16 +103,22 @@ def _deviation(runs: Floats) -> Floats:
 
 
 def _floor(signals: Mapping[str, Floats], band: Band, names: Sequence[str]) -> Floats:
-    """Power [channels, k] of the white noise of signals, from what their fourth differences scatter by.
-
-    The fourth difference of noise of variance s2 has variance 70 s2; of what was driven hardly anything is left in it.
-    """
+    """Power [channels, k] of the white noise of signals."""
     rows = np.full((len(names), band.frequency.size), np.nan)
     for row, name in enumerate(names):
         if name in signals:
-            scatter = np.abs(np.diff(signals[name][band.keep], 4))
-            rows[row] = max(float(np.median(scatter)) / 0.6745, 0.1 * float(np.mean(scatter))) ** 2 / 70.0
+            rows[row] = white_noise(signals[name][band.keep]) ** 2
     return rows
+
+
+def white_noise(signal: Floats) -> float:
+    """Noise rms of a signal [n], from what its fourth differences scatter by.
+
+    The fourth difference of noise of variance s2 has variance 70 s2; of what was driven hardly anything is left in it.
+    Their median, as an impact now and then is no noise; at standstill an encoder shows none.
+    """
+    scatter = np.abs(np.diff(signal, 4))
+    return max(float(np.median(scatter)) / 0.6745, 0.1 * float(np.mean(scatter))) / float(np.sqrt(70.0))
 
 
 def spread_power(coefficients: Floats, frequency: Floats) -> Floats:

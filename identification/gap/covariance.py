@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.frf import Floats
 from identification.gap.basis import error_zone
-from identification.gap.fit import Judge, Solution, stacked
+from identification.gap.fit import Judge, Solution, body_of, weights_of
 
 
 def clustered_covariance(judge: Judge, solution: Solution, error: Floats) -> Floats:
@@ -14,10 +14,10 @@ def clustered_covariance(judge: Judge, solution: Solution, error: Floats) -> Flo
 
     Model error is: it has one sign over a whole manoeuvre. The larger of this and what independent errors give.
     """
-    weights = [1.0 / np.sqrt(v) for v in judge.variance(error)]
-    body = np.column_stack([stacked(column, weights) for column in solution.jacobian])
+    weights = weights_of(judge, error)
+    body = body_of(solution.jacobian, weights)
     prior = 1.0 / np.array([u.prior for u in solution.unknowns]) ** 2
-    inverse = np.linalg.pinv(np.nan_to_num(body.T @ body) + np.diag(prior), hermitian=True)
+    inverse = np.linalg.pinv(body.T @ body + np.diag(prior), hermitian=True)
     clusters = []
     for measured, predicted, weight, band in zip(
         judge.measured, solution.predicted, weights, judge.bands, strict=True

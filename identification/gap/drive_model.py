@@ -7,7 +7,7 @@ the road at once, and nothing is repeated: what is named here says less than a c
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,14 +15,14 @@ from identification.campaign import Campaign
 from identification.drive_blocks import speed_knots
 from identification.drive_signals import DriveSignals, prepare
 from identification.frf import Floats
-from identification.gap.model import Present, Record, Unknown, Values
+from identification.gap.model import Present, Record, Unknown, Values, sliding
 from identification.gap.vehicle_model import late
 from steer_env.errors import InputError
 from steer_env.physics._jit import compiled
 from steer_env.physics.effects import EFFECTS, Effect
 from steer_env.physics.effects import drive_ports as ports
 from steer_env.physics.effects.drive_effects import DriveMoment
-from steer_env.physics.friction import dahl_step
+from steer_env.physics.friction import dahl_over
 
 TORQUE = "steering_torque_Nm"
 BLOCK_S = 20.0  # longer than a residual of a drive stays coloured, short enough for ten stretches in a few minutes
@@ -38,9 +38,8 @@ def wheel_torque(angle: Floats, rate: Floats, stiffness: Floats, damping: float,
     friction = 0.0
     for k in range(n):
         x = DriveMoment(angle[k], rate[k], k / n)
-        level = ports.friction_level(x, row)
-        if level > 0.0 and k > 0:
-            friction = dahl_step(friction, angle[k] - angle[k - 1], level, level / ports.friction_travel(x, row))
+        travel = angle[k] - angle[k - 1] if k > 0 else 0.0
+        friction = dahl_over(friction, travel, ports.friction_level(x, row), ports.friction_travel(x, row))
         centring = stiffness[k] * (angle[k] + ports.angle(x, row))
         out[k] = centring + damping * rate[k] + bias + friction + ports.torque(x, row)
     return out
@@ -57,7 +56,6 @@ class DriveGapModel:
     signals: Mapping[str, DriveSignals]
     channels: tuple[str, ...] = (TORQUE,)
     band_Hz: float = BAND_HZ
-    _weights: dict[str, Floats] = field(default_factory=dict, repr=False)
 
     def simulate(self, record: Record, values: Values, present: Present) -> dict[str, Floats]:
         """Torque [n] while sliding, zero at rest; see ``model.Model``."""
@@ -68,7 +66,7 @@ class DriveGapModel:
         delay = present.get("latency_torque", {}).get("delay_s", 0.0)
         if delay:
             torque = late(torque, delay / record.dt)
-        return {TORQUE: sliding(s) * torque}
+        return {TORQUE: sliding(s.rate, SLIDING_RATE) * torque}
 
     def judged(self, outputs: Mapping[str, Floats]) -> Mapping[str, Floats]:
         """The torque itself."""
@@ -80,12 +78,6 @@ class DriveGapModel:
         return {"steering angle": s.angle, "steering rate": s.rate, "speed": s.speed}
 
 
-def sliding(s: DriveSignals) -> Floats:
-    """Weight [n] from 0 at rest to 1 in motion: what friction holds while nothing moves no angle can tell."""
-    weight: Floats = np.clip(np.abs(s.rate) / SLIDING_RATE - 1.0, 0.0, 1.0)
-    return weight
-
-
 def drive_model(campaign: Campaign) -> DriveGapModel:
     """Stretches and unknowns of a drive; an ``InputError`` where it is too short to fit and to hold out."""
     if campaign.kind != "drive":
@@ -95,7 +87,7 @@ def drive_model(campaign: Campaign) -> DriveGapModel:
     records: list[Record] = []
     for run in campaign.runs:
         s = signals[run.name]
-        torque = {TORQUE: sliding(s) * s.torque}
+        torque = {TORQUE: sliding(s.rate, SLIDING_RATE) * s.torque}
         step = round(BLOCK_S / run.dt)
         for index, start in enumerate(range(0, s.time.size - step // 2, step)):
             keep = slice(start, min(start + step, s.time.size))

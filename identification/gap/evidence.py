@@ -9,7 +9,6 @@ the model is poor and vanishes where only noise is left.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,17 +17,6 @@ from identification.gap.basis import ZONES_HZ, error_zone, octave_bands
 from identification.gap.fit import Judge
 
 ERRORS = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 31)])
-
-
-class Blocks(NamedTuple):
-    """Per block (record, channel, third of an octave): half the log-likelihood's terms, energies and sizes."""
-
-    record: Floats
-    channel: Floats
-    loglik: Floats
-    energy: Floats
-    noise: Floats
-    signal: Floats
 
 
 def residuals(judge: Judge, predicted: Sequence[Floats]) -> list[Floats]:
@@ -54,23 +42,19 @@ def error_of(judge: Judge, predicted: Sequence[Floats]) -> Floats:
     return best
 
 
-def blocks(judge: Judge, predicted: Sequence[Floats], error: Floats) -> Blocks:
-    """Likelihood and energies by block, at a given relative model error."""
-    rows: list[tuple[float, ...]] = []
+def likelihoods(judge: Judge, predicted: Sequence[Floats], error: Floats) -> Floats:
+    """Log-likelihood of each block (record, channel, third of an octave), at a given relative model error."""
+    sums: list[Floats] = []
     for i, (left, variance) in enumerate(zip(residuals(judge, predicted), judge.variance(error), strict=True)):
         index = octave_bands(judge.bands[i].frequency)
-        bands, place = np.unique(index, return_inverse=True)
+        _, place = np.unique(index, return_inverse=True)
         for row in range(len(judge.names)):
             if np.isnan(left[row, 0]):
                 continue
             terms = -0.5 * (np.log(variance[row]) + left[row] ** 2 / variance[row])
-            sums = [
-                np.bincount(place, weights=w, minlength=bands.size)
-                for w in (terms, left[row] ** 2, judge.noise_power[i][row], judge.measured[i][row] ** 2)
-            ]
-            rows += [(i, row, *values) for values in zip(*sums, strict=True)]
-    table = np.array(rows).T
-    return Blocks(*table)
+            block: Floats = np.bincount(place, weights=terms).astype(np.float64)
+            sums.append(block)
+    return np.concatenate(sums)
 
 
 def fidelity(judge: Judge, before: Sequence[Floats], after: Sequence[Floats], error: Floats) -> float:

@@ -40,10 +40,10 @@ class Solution(NamedTuple):
         """Parameter values in their units."""
         return {u.name: float(np.exp(v) if u.log else v) for u, v in zip(self.unknowns, self.x, strict=True)}
 
-    def interval(self, name: str, inflate: float = 1.0) -> tuple[float, float]:
+    def interval(self, name: str) -> tuple[float, float]:
         """95 % interval of a parameter in its unit."""
         k = [u.name for u in self.unknowns].index(name)
-        half = 1.96 * inflate * float(np.sqrt(self.covariance[k, k]))
+        half = 1.96 * float(np.sqrt(self.covariance[k, k]))
         low, high = float(self.x[k]) - half, float(self.x[k]) + half
         return (float(np.exp(low)), float(np.exp(high))) if self.unknowns[k].log else (low, high)
 
@@ -163,6 +163,17 @@ def _values(unknowns: Sequence[Unknown], x: Floats) -> dict[str, float]:
     return {u.name: float(np.exp(v) if u.log else v) for u, v in zip(unknowns, x, strict=True)}
 
 
+def weights_of(judge: Judge, error: Floats) -> list[Floats]:
+    """One over the standard deviation [channels, k] that a residual may have, per record."""
+    return [1.0 / np.sqrt(v) for v in judge.variance(error)]
+
+
+def body_of(columns: Sequence[Columns], weights: Sequence[Floats]) -> Floats:
+    """The weighted Jacobian [coefficients, unknowns]; a probe that goes off says nothing."""
+    body = np.column_stack([stacked(column, weights) for column in columns])
+    return np.nan_to_num(body, copy=False, posinf=0.0, neginf=0.0)
+
+
 def stacked(parts: Sequence[Floats | None], weights: Sequence[Floats]) -> Floats:
     """One weighted vector of all coefficients that are measured; zeros for a record that is None."""
     flat = []
@@ -202,7 +213,7 @@ class _Descent:
         known: Sequence[Columns],
     ) -> None:  # fmt: skip
         self.judge, self.unknowns = judge, tuple(unknowns)
-        self.weights = [1.0 / np.sqrt(v) for v in judge.variance(error)]
+        self.weights = weights_of(judge, error)
         self.scale = np.array([u.prior for u in unknowns])
         self.low, self.high = (np.array([_searched(u, getattr(u, side)) for u in unknowns]) for side in ("low", "high"))
         self.believed = np.array([_searched(u, u.start) for u in unknowns])
@@ -218,7 +229,7 @@ class _Descent:
 
     def step(self) -> float:
         """One step downhill; returns what the cost lost by it, zero where no step helps."""
-        body = self._body()
+        body = body_of(self.columns, self.weights)
         left = stacked([m - p for m, p in zip(self.judge.measured, self.predicted, strict=True)], self.weights)
         prior = 1.0 / self.scale**2
         gradient = body.T @ left - prior * (self.x - self.believed)
@@ -247,13 +258,9 @@ class _Descent:
 
     def solution(self) -> Solution:
         """Where the search ended."""
-        body = self._body()
+        body = body_of(self.columns, self.weights)
         covariance = np.linalg.pinv(body.T @ body + np.diag(1.0 / self.scale**2), hermitian=True)
         return Solution(self.unknowns, self.x, covariance, self.predicted, self.columns)
-
-    def _body(self) -> Floats:
-        body = np.column_stack([stacked(column, self.weights) for column in self.columns])
-        return np.nan_to_num(body, copy=False, posinf=0.0, neginf=0.0)  # a probe that goes off says nothing
 
     def _cost(self, x: Floats, predicted: Sequence[Floats]) -> float:
         left = stacked([m - p for m, p in zip(self.judge.measured, predicted, strict=True)], self.weights)

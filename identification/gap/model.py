@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from identification.frf import Floats
 from steer_env.physics.effects import Effect
 
@@ -75,3 +77,9 @@ class Model(Protocol):
 
     def states(self, record: Record) -> Mapping[str, Floats]:
         """Measured quantities [n] against which symptoms are looked for: angle, rate, torque, lateral acceleration."""
+
+
+def sliding(rate: Floats, rest: float) -> Floats:
+    """Weight [n] from 0 up to ``rest`` in rad/s to 1 in motion: what friction holds at rest no motion can tell."""
+    weight: Floats = np.clip(np.abs(rate) / rest - 1.0, 0.0, 1.0)
+    return weight

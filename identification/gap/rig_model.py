@@ -14,7 +14,8 @@ import numpy as np
 
 from identification.campaign import Campaign, Run, require
 from identification.frf import Floats
-from identification.gap.model import Present, Record, Unknown, Values
+from identification.gap.basis import white_noise
+from identification.gap.model import Present, Record, Unknown, Values, sliding
 from identification.gap.repeats import SETTLE_S, records_of
 from identification.gap.vehicle_model import late
 from identification.motion import band_limited
@@ -94,7 +95,7 @@ class RigModel:
         # A command is held until the next one, so it acts half a sample late by nature.
         delay = 0.5 * record.dt + present.get("command_latency", {}).get("delay_s", 0.0)
         early = late(torque, -delay / record.dt)
-        return {TORQUE: sliding(rate) * band_limited(early, record.dt, self.motion_Hz).signal()}
+        return {TORQUE: sliding(rate, REST_RATE) * band_limited(early, record.dt, self.motion_Hz).signal()}
 
     def judged(self, outputs: Mapping[str, Floats]) -> Mapping[str, Floats]:
         """The torque itself."""
@@ -120,12 +121,6 @@ def motion(angle: Floats, dt: float, motion_Hz: float) -> tuple[Floats, Floats, 
     limited = band_limited(angle, dt, motion_Hz)
     rate = limited.rate()
     return limited.signal(), rate.signal(), rate.rate().signal()
-
-
-def sliding(rate: Floats) -> Floats:
-    """Weight [n] from 0 at rest to 1 in motion: what friction holds while nothing moves no motion can tell."""
-    weight: Floats = np.clip(np.abs(rate) / REST_RATE - 1.0, 0.0, 1.0)
-    return weight
 
 
 def rig_model(campaign: Campaign) -> RigModel:
@@ -164,17 +159,8 @@ def quiet_band(angle: Floats, dt: float, J: float, torque: float) -> float:
 
     White noise of s rad rms, sampled every dt and used up to f, makes J (2 pi f)^2 s sqrt(2 dt f / 5).
     """
-    noise = J * (2.0 * np.pi) ** 2 * encoder_noise(angle) * float(np.sqrt(0.4 * dt))
+    noise = J * (2.0 * np.pi) ** 2 * white_noise(angle) * float(np.sqrt(0.4 * dt))
     return float((torque / noise) ** 0.4) if noise > 0.0 else np.inf
-
-
-def encoder_noise(angle: Floats) -> float:
-    """Noise rms in rad of a logged angle; fourth differences of white noise of variance s2 have variance 70 s2.
-
-    Their median, as an impact now and then is no noise; at standstill an encoder shows none.
-    """
-    scatter = np.abs(np.diff(angle, 4))
-    return max(float(np.median(scatter)) / 0.6745, 0.1 * float(np.mean(scatter))) / float(np.sqrt(70.0))
 
 
 def start_values(runs: Sequence[Run], motion_Hz: float) -> tuple[float, float]:
@@ -199,13 +185,13 @@ def _with_rest(run: Run, J: float, b: float, motion_Hz: float) -> Run:
     """
     _, rate, acceleration = motion(run.channels[ANGLE], run.dt, motion_Hz)
     rest = run.channels[TORQUE] - run.channels.get(SENSOR, np.zeros_like(rate)) - J * acceleration - b * rate
-    moving = np.asarray(sliding(rate) * band_limited(rest, run.dt, motion_Hz).signal(), dtype=np.float64)
+    moving = np.asarray(sliding(rate, REST_RATE) * band_limited(rest, run.dt, motion_Hz).signal(), dtype=np.float64)
     return replace(run, channels={**run.channels, REST: moving})
 
 
 def _judged(record: Record, motion_Hz: float) -> Record:
     """The record with its torque band-limited while moving; the noise of its repeats is that of the nominal rest."""
     _, rate, _ = motion(record.inputs[ANGLE], record.dt, motion_Hz)
-    torque = sliding(rate) * band_limited(record.outputs[TORQUE], record.dt, motion_Hz).signal()
+    torque = sliding(rate, REST_RATE) * band_limited(record.outputs[TORQUE], record.dt, motion_Hz).signal()
     repeats = tuple({TORQUE: repeat[REST]} for repeat in record.repeats)
     return replace(record, outputs={TORQUE: torque}, repeats=repeats)

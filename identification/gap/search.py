@@ -10,15 +10,17 @@ import numpy as np
 from identification.frf import Floats
 from identification.gap.basis import ZONES_HZ
 from identification.gap.covariance import clustered_covariance
-from identification.gap.evidence import Blocks, blocks, error_of
+from identification.gap.evidence import error_of, likelihoods
 from identification.gap.fit import (
     FINE,
     Columns,
     Judge,
     Solution,
+    body_of,
     effect_unknowns,
     fit,
     stacked,
+    weights_of,
 )
 from steer_env.physics.effects import Effect
 
@@ -32,15 +34,15 @@ MANY = 8  # probes from which on an effect is scanned on a few records first
 class Candidate(NamedTuple):
     """Effects refitted jointly with the nominal unknowns, and how they do on fitted and held-out records.
 
-    ``error``: relative model error [channels, zones] that is left on the fitted records; ``fitted`` and ``held`` hold
-    likelihoods and energies by block with it.
+    ``error``: relative model error [channels, zones] that is left on the fitted records; ``fitted`` and ``held``:
+    log-likelihoods [blocks] with it.
     """
 
     names: tuple[str, ...]
     solution: Solution
     error: Floats
-    fitted: Blocks
-    held: Blocks
+    fitted: Floats
+    held: Floats
     held_prediction: list[Floats]
 
     @property
@@ -71,8 +73,8 @@ def judged_candidate(names: tuple[str, ...], solution: Solution, judge: Judge, h
         names,
         solution,
         error,
-        blocks(judge, solution.predicted, error),
-        blocks(held, prediction, error),
+        likelihoods(judge, solution.predicted, error),
+        likelihoods(held, prediction, error),
         prediction,
     )
 
@@ -84,7 +86,7 @@ def settled(judge: Judge, held: Judge, base: Candidate) -> Candidate:
         known = base.solution.jacobian
         solution = fit(judge, base.solution.unknowns, error, base.solution.values, FINE, known)
         found = judged_candidate(base.names, solution, judge, held)
-        gained = float(found.fitted.loglik.sum() - base.fitted.loglik.sum())
+        gained = float(found.fitted.sum() - base.fitted.sum())
         base = found if gained > 0.0 else base
         if gained < ENOUGH:
             break
@@ -101,7 +103,7 @@ def null_fit(judge: Judge, held: Judge) -> Candidate:
     for first in FIRST_ERRORS:
         solution = fit(judge, judge.model.unknowns, np.full((len(judge.names), len(ZONES_HZ) + 1), first))
         ends.append(settled(judge, held, judged_candidate((), solution, judge, held)))
-    return max(ends, key=lambda c: float(c.fitted.loglik.sum()))
+    return max(ends, key=lambda c: float(c.fitted.sum()))
 
 
 def screen(judge: Judge, base: Candidate, effects: Mapping[str, Effect], error: Floats) -> list[Screened]:
@@ -110,10 +112,9 @@ def screen(judge: Judge, base: Candidate, effects: Mapping[str, Effect], error: 
     A probe's change of the prediction is projected orthogonally to what the parameters already fitted can do; its
     correlation with the residual is the score, a share of the residual's weighted energy.
     """
-    weights = [1.0 / np.sqrt(v) for v in judge.variance(error)]
+    weights = weights_of(judge, error)
     left = stacked([m - p for m, p in zip(judge.measured, base.solution.predicted, strict=True)], weights)
-    absorbed = np.column_stack([stacked(column, weights) for column in base.solution.jacobian])
-    basis, _ = np.linalg.qr(absorbed)
+    basis, _ = np.linalg.qr(body_of(base.solution.jacobian, weights))
     left = left - basis @ (basis.T @ left)
     energy = float(left @ left)
     found = []
@@ -192,7 +193,7 @@ def refit(judge: Judge, held: Judge, base: Candidate, chosen: Screened, error: F
         believed = {**from_base, **{unknown.name: unknown.start for unknown in judge.model.unknowns}}
         solution = fit(judge, unknowns, np.full_like(error, FIRST_ERRORS[0]), believed)
         ends.append(judged_candidate(names, solution, judge, held))
-        return settled(judge, held, max(ends, key=lambda c: float(c.fitted.loglik.sum())))
+        return settled(judge, held, max(ends, key=lambda c: float(c.fitted.sum())))
     return ends[0]
 
 

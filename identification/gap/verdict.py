@@ -91,10 +91,10 @@ class Search(NamedTuple):
 
 def judged(judge: Judge, held: Judge, base: Candidate, found: Candidate, screened: Screened, rules: Rules) -> Judged:
     """Measure a candidate against what it extends."""
-    gain = float(found.fitted.loglik.sum() - base.fitted.loglik.sum())
+    gain = float(found.fitted.sum() - base.fitted.sum())
     size = sum(int(np.count_nonzero(~np.isnan(m))) for m in judge.measured)
     more = found.parameters - base.parameters
-    steps = found.held.loglik - base.held.loglik
+    steps = found.held - base.held
     spread = float(np.std(steps)) * np.sqrt(steps.size)
     return Judged(
         found,
@@ -217,7 +217,7 @@ def _tried(
     for screened in chosen:
         found.append((refit(judge, held, base, screened, error), screened))
         advance(note=screened.effect.name)
-    found.sort(key=lambda pair: float(pair[0].fitted.loglik.sum()), reverse=True)
+    found.sort(key=lambda pair: float(pair[0].fitted.sum()), reverse=True)
     final = [(settled(judge, held, c) if k == 0 else c, s) for k, (c, s) in enumerate(found)]
     result = [judged(judge, held, base, c, s, rules) for c, s in final]
     return sorted(result, key=lambda j: j.strength, reverse=True)

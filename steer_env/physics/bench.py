@@ -7,16 +7,13 @@ from typing import Any
 from steer_env.physics._jit import scalar
 from steer_env.physics.effects import rig_ports as ports
 from steer_env.physics.effects.rig_moment import RigMoment
-from steer_env.physics.friction import dahl_step
+from steer_env.physics.friction import dahl_over
 
 
 @scalar
 def friction_after(friction: float, travel: float, x: RigMoment, row: Any) -> float:
     """Dahl torque in N m of all frictions together after a travel in rad (exact)."""
-    level = ports.friction_level(x, row)
-    if level <= 0.0:
-        return 0.0
-    return dahl_step(friction, travel, level, level / ports.friction_travel(x, row))
+    return dahl_over(friction, travel, ports.friction_level(x, row), ports.friction_travel(x, row))
 
 
 @scalar

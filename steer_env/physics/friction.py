@@ -26,6 +26,14 @@ def dahl_step(torque: float, displacement: float, M_C: float, c_fric: float) -> 
 
 
 @scalar
+def dahl_over(torque: float, displacement: float, M_C: float, travel: float) -> float:
+    """``dahl_step`` with the stiffness M_C / ``travel``, in rad; where there is no friction the travel may be 0."""
+    if M_C <= 0.0:
+        return 0.0
+    return dahl_step(torque, displacement, M_C, M_C / travel)
+
+
+@scalar
 def stribeck_level(rate: float, M_C: float, M_S: float, stribeck_rate: float) -> float:
     """Sliding level in N m at a rate in rad/s: M_C + (M_S - M_C) exp(-(rate/stribeck_rate)^2)."""
     ratio = rate / stribeck_rate

@@ -9,8 +9,8 @@ import pytest
 
 from identification.campaign import Campaign, read_campaign
 from identification.drive_signals import hats
-from identification.gap.drive_model import BLOCK_S, TORQUE, DriveGapModel, drive_model, wheel_torque
-from identification.gap.drive_model import sliding as moving
+from identification.gap.drive_model import BLOCK_S, SLIDING_RATE, TORQUE, DriveGapModel, drive_model, wheel_torque
+from identification.gap.model import sliding as moving
 from steer_env.errors import InputError
 from steer_env.physics.effects.drive_ports import drive_row
 from tests.identification.synthetic_drive import DAMPING, LEVEL, PRESLIDING, drive, stiffness, write_drive_campaign
@@ -61,7 +61,7 @@ def test_the_true_drive_leaves_its_bias_and_noise(model: DriveGapModel) -> None:
     friction = {"presliding_friction": {"level_Nm": LEVEL, "travel_rad": LEVEL / PRESLIDING}}
     measured = np.concatenate([r.outputs[TORQUE][r.keep] for r in model.records])
     s = next(iter(model.signals.values()))
-    bias = (moving(s)[:, None] * hats(s.time, np.arange(0.0, s.time[-1], 5.0)))[: measured.size]
+    bias = (moving(s.rate, SLIDING_RATE)[:, None] * hats(s.time, np.arange(0.0, s.time[-1], 5.0)))[: measured.size]
     left = []
     for present in ({}, friction):
         rest = measured - predicted(model, true_values(model), present)
@@ -98,7 +98,7 @@ def test_a_late_torque_is_the_prediction_shifted(model: DriveGapModel) -> None:
     record, values = model.records[0], true_values(model)
     plain = model.simulate(record, values, {})[TORQUE]
     late = model.simulate(record, values, {"latency_torque": {"delay_s": 0.06}})[TORQUE]
-    weight = moving(next(iter(model.signals.values())))
+    weight = moving(next(iter(model.signals.values())).rate, SLIDING_RATE)
     both = np.flatnonzero((weight[3:] == 1.0) & (weight[:-3] == 1.0)) + 3
     np.testing.assert_allclose(late[both], plain[both - 3], atol=0.01)
 

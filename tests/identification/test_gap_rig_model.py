@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from identification.campaign import read_campaign
-from identification.gap.basis import band_of
-from identification.gap.rig_model import ANGLE, TORQUE, RigModel, encoder_noise, motion, quiet_band, rig_model, sliding
+from identification.gap.basis import band_of, white_noise
+from identification.gap.model import sliding
+from identification.gap.rig_model import ANGLE, REST_RATE, TORQUE, RigModel, motion, quiet_band, rig_model
 from identification.motion import band_limited
 from steer_env.errors import InputError
 from steer_env.testcar.bench import LOADED, Bench, bench_campaign
@@ -114,12 +115,12 @@ def test_the_split_is_by_role_and_repeats_hold_only_their_noise(tmp_path: Path) 
     assert 2e-3 < rms(np.concatenate(deviations)) < 2e-2  # the drive's ripple is 5e-3 N m, the encoder adds its own
 
 
-def test_encoder_noise_and_the_band_that_it_leaves() -> None:
+def test_white_noise_and_the_band_that_it_leaves() -> None:
     """White noise of known size on a slow sine: its rms, and the torque that it makes up to the band, come out."""
     rng, dt, J = np.random.default_rng(2), 2e-3, 0.04
     noise = 5e-5 * rng.standard_normal(60000)
     angle = np.sin(2.0 * np.pi * 0.5 * dt * np.arange(noise.size)) + noise
-    assert encoder_noise(angle) == pytest.approx(5e-5, rel=0.05)
+    assert white_noise(angle) == pytest.approx(5e-5, rel=0.05)
     band = quiet_band(angle, dt, J, 0.02)
     _, _, acceleration = motion(noise, dt, band)
     # The formula ends at the band; the filter's edge lets through a quarter more of the frequencies.
@@ -139,7 +140,7 @@ def test_a_coarser_encoder_narrows_the_band(tmp_path: Path) -> None:
 
 
 def test_rest_does_not_count_and_motion_does() -> None:
-    np.testing.assert_allclose(sliding(np.array([0.0, 0.02, 0.045, 0.5, -0.5])), [0.0, 0.0, 0.5, 1.0, 1.0])
+    np.testing.assert_allclose(sliding(np.array([0.0, 0.02, 0.045, 0.5, -0.5]), REST_RATE), [0.0, 0.0, 0.5, 1.0, 1.0])
 
 
 def test_motion_is_that_of_the_closed_form() -> None:

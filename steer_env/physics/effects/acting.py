@@ -12,7 +12,7 @@ from steer_env.physics._jit import scalar
 from steer_env.physics.effects import vehicle_ports as ports
 from steer_env.physics.effects.column_friction import STIFFNESS as COLUMN_STIFFNESS
 from steer_env.physics.effects.moment import Moment, at_assist, at_bar, at_rack, at_wheel
-from steer_env.physics.friction import dahl_step
+from steer_env.physics.friction import dahl_over, dahl_step
 
 
 class FrontAxle(NamedTuple):
@@ -62,10 +62,7 @@ def pinion_moment(pinion_angle: float, pinion_rate: float, speed: float) -> Mome
 @scalar
 def scrub_after(rack_friction: float, travel: float, x: Moment, row: Any) -> float:
     """Dahl torque in N m of the rack's side after a pinion travel in rad (exact)."""
-    level = ports.rack_friction_level(x, row)
-    if level <= 0.0:
-        return 0.0
-    return dahl_step(rack_friction, travel, level, level / ports.rack_friction_travel(x, row))
+    return dahl_over(rack_friction, travel, ports.rack_friction_level(x, row), ports.rack_friction_travel(x, row))
 
 
 @scalar
