@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,12 @@ def unknowns_of(vehicle: KnownVehicle, steering: KnownSteering, speeds_kmh: tupl
     """
     load = vehicle.mass * 9.81 / (vehicle.cg_to_front_axle + vehicle.cg_to_rear_axle)
     wheel = steering.wheel_inertia + steering.robot_inertia
+    # First what a logger or the wheel's mass makes of the motion: a fit's columns then find the motion still known.
     shared = [
+        Unknown("J_wheel", wheel, 0.2 * wheel, 3.0 * wheel, 0.3),
+        Unknown("delay_bus", 0.0, -0.02, 0.04, 0.004, log=False),
+        Unknown("delay_wheel_torque", 0.0, -0.03, 0.03, 0.004, log=False),
+        Unknown("delay_rack_force", 0.0, -0.03, 0.03, 0.004, log=False),
         Unknown("C_f", 14.0 * load * vehicle.cg_to_rear_axle, 1e4, 2e6, 0.5),
         Unknown("C_r", 16.0 * load * vehicle.cg_to_front_axle, 1e4, 2e6, 0.5),
         Unknown("n_t", 0.07, 0.005, 0.5, 0.5),
@@ -59,10 +65,6 @@ def unknowns_of(vehicle: KnownVehicle, steering: KnownSteering, speeds_kmh: tupl
         Unknown("J_z", vehicle.yaw_inertia, 0.9 * vehicle.yaw_inertia, 1.1 * vehicle.yaw_inertia, 0.025),
         Unknown("c_fric", 200.0, 5.0, 1e4, 0.8),
         Unknown("sigma_assist", 1.8, 0.3, 12.0, 0.5),
-        Unknown("J_wheel", wheel, 0.2 * wheel, 3.0 * wheel, 0.3),
-        Unknown("delay_bus", 0.0, -0.02, 0.04, 0.004, log=False),
-        Unknown("delay_wheel_torque", 0.0, -0.03, 0.03, 0.004, log=False),
-        Unknown("delay_rack_force", 0.0, -0.03, 0.03, 0.004, log=False),
     ]
     scheduled = [
         ("J_ref", 0.06, 0.005, 0.6, 0.5, True),
@@ -93,15 +95,13 @@ class VehicleModel:
     channels: tuple[str, ...]
     band_Hz: float = BAND_HZ
     _inputs: dict[tuple[str, float, int], tuple[Floats, ...]] = field(default_factory=dict, repr=False)
+    _motions: dict[str, tuple[Any, Floats]] = field(default_factory=dict, repr=False)
 
     def simulate(self, record: Record, values: Values, present: Present) -> dict[str, Floats]:
         """Output channels [n] of a record; see ``model.Model``."""
-        offset = present.get("angle_offset", {}).get("rad", 0.0)
         substeps = _substeps(record.dt, record.speed / min(values["sigma_f"], values["sigma_r"]))
-        fine, fine_rate, rate, acceleration = self._input(record, substeps)
-        row = effect_row(present) if any(name in MECHANICAL for name in present) else None
-        p, car = self._steering(record, values), self._car(values)
-        out = rollout(fine - offset, fine_rate, record.dt / substeps, substeps, record.speed, p, car, row)
+        _, _, rate, acceleration = self._input(record, substeps)
+        out = self._motion(record, values, present, substeps)
         column = {name: out[:, k] for k, name in enumerate(RECORD)}
         wheel = values["J_wheel"] * acceleration + self.steering.wheel_damping * rate
         speed = max(record.speed, 0.1)
@@ -116,6 +116,20 @@ class VehicleModel:
             "sideslip_angle_rad": np.arctan2(column["lateral_speed"], speed),
         }
         return {name: self._logged(name, true[name], record.dt, values, present) for name in record.outputs}
+
+    def _motion(self, record: Record, values: Values, present: Present, substeps: int) -> Floats:
+        """What the car does [n, len(RECORD)]; a record's last one is kept: loggers' errors do not change it."""
+        mechanical = {name: parameters for name, parameters in present.items() if name in MECHANICAL}
+        offset = present.get("angle_offset", {}).get("rad", 0.0)
+        p, car = self._steering(record, values), self._car(values)
+        asked = (p, car, offset, substeps, mechanical)
+        known, out = self._motions.get(record.name, (None, None))
+        if out is None or known != asked:
+            fine, fine_rate, _, _ = self._input(record, substeps)
+            row = effect_row(mechanical) if mechanical else None
+            out = rollout(fine - offset, fine_rate, record.dt / substeps, substeps, record.speed, p, car, row)
+            self._motions[record.name] = (asked, out)
+        return out
 
     def judged(self, outputs: Mapping[str, Floats]) -> dict[str, Floats]:
         """Twist and wheel-side torque as differences, in which road and motion are gone; one of v_y and sideslip."""
