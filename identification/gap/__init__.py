@@ -6,6 +6,7 @@ repeats           from runs to records: what is held out, what is averaged
 basis, evidence   noise, model error and likelihood in frequency
 fit, covariance   least squares over all records, and how sure it is
 search, verdict   screening, joint refits, what is named and by which rules
+constancy         whether a named effect is the same early and late, small and large
 symptoms          where simulation and measurement disagree, in words
 next_measurement, probability, result, extended_model   advice, trust, gap.json, model.json
 workflow          all of it in order: ``find_gap``

@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.campaign import Campaign
 from identification.gap.basis import NoiseSpectrum
+from identification.gap.constancy import changes
 from identification.gap.drive_model import drive_model
 from identification.gap.fit import Judge, present_of
 from identification.gap.model import Model, Record
@@ -43,6 +44,10 @@ HONEST = {
 HONEST_DRIVE = {"steering_torque_Nm": 0.6}  # the road and the driver's own small corrections
 HONEST_OTHERWISE = 0.1
 EXPLAINED = 0.8  # share of the structure that a verdict "effect" must take away where more than the honest rest is left
+SURE_SLACK = 2.0  # how much more than the honest rest may be left beside an effect that is sure in its own channel
+# Share of its amplitude by which an effect may change between halves (``constancy``): true ones change by up to 0.1,
+# a sensor that drifts under the name of an offset by 0.9, a curved one under the name of a gain by 0.4.
+INCONSTANT = 0.25
 
 
 def find_gap(
@@ -68,7 +73,8 @@ def find_gap(
     channels = normalised_gaps(before, after, noise_rms(fitted, held_out) or floor_rms(held))
     steps = accepted_steps(found)
     honest = HONEST_DRIVE if campaign.kind == "drive" else HONEST
-    verdict, reason = _verdict(steps, channels, honest)
+    changed = _inconstant((judge, held), found.best, steps)
+    verdict, reason = _verdict(steps, channels, honest, rules.sure, changed)
     rivals = _rivals(found, steps, rules)
     advice, why = _advice(judge, model, found, rivals)
     return GapResult(
@@ -130,10 +136,23 @@ def accepted_steps(found: Search) -> list[Judged]:
     return steps
 
 
+def _inconstant(judges: Sequence[Judge], best: Candidate, steps: Sequence[Judged]) -> str:
+    """In words, which named effect is not the same throughout; empty where all are."""
+    for step in steps:
+        for change in changes(judges, best, step.screened.effect):
+            if abs(change.share) - 2.0 * change.error > INCONSTANT:
+                return f"{step.name} changes by {100.0 * change.share:+.0f} % {change.over}"
+    return ""
+
+
 def _verdict(
-    steps: Sequence[Judged], channels: Mapping[str, ChannelGap], honest: Mapping[str, float]
+    steps: Sequence[Judged], channels: Mapping[str, ChannelGap], honest: Mapping[str, float], sure: float, changed: str
 ) -> tuple[str, str]:
-    """The verdict and why, in words; ``honest`` says what a simple model may leave."""
+    """The verdict and why, in words.
+
+    ``honest`` says what a simple model may leave, ``sure`` from which share put right on an effect is beyond doubt,
+    ``changed`` which effect is not the same throughout.
+    """
     beyond = {
         name: structure(g.after, g.noise) / honest.get(name, HONEST_OTHERWISE) for name, g in channels.items()
     }
@@ -142,7 +161,10 @@ def _verdict(
         before = sum((structure(g.before, g.noise) / honest.get(n, HONEST_OTHERWISE)) ** 2 for n, g in channels.items())
         explained = 1.0 - sum(value**2 for value in beyond.values()) / max(before, 1e-300)
         names = " and ".join(step.name for step in steps)
-        if beyond[worst] > 1.0 and explained < EXPLAINED:
+        if changed:
+            return "unknown", f"{changed}: something much like it is missing, but not it"
+        slack = SURE_SLACK if all(step.fidelity > sure for step in steps) else 1.0
+        if beyond[worst] > slack and explained < EXPLAINED:
             return "unknown", (
                 f"{names} fits and is confirmed, but takes away only {100.0 * explained:.0f} % of what disagrees; in "
                 f"{worst} more is left than a simple model may honestly miss"
