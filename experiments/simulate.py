@@ -32,7 +32,7 @@ from steer_env import atomic
 from steer_env.errors import InputError
 from steer_env.plants.model_file import read_model
 from steer_env.testcar import truth
-from steer_env.testcar.bench import bench_campaign
+from steer_env.testcar.bench import bench_campaign, bench_for
 from steer_env.testcar.campaign_writer import campaign_toml, run_file, write_run
 from steer_env.testcar.drive import drive, generator_of
 from steer_env.testcar.parameters import VirtualCar
@@ -284,7 +284,7 @@ def _hide_in_bench(texts: tuple[str, ...], seed: int, repeats: int, out: Path, a
     """The same for the virtual bench."""
     present = parse_hidden(texts, seed, "rig")
     with atomic.folder(out) as folder:
-        bench_campaign(folder, present, seed, repeats)
+        bench_campaign(folder, present, seed, repeats, bench_for(present, seed))
     write_answer(out, present, seed)
     _say_where(out, as_json)
 

@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 from steer_env import atomic
 from steer_env.physics._jit import compiled
 from steer_env.physics.bench import contact_impulse, friction_after, resisting_torque
+from steer_env.physics.effects import EFFECTS
 from steer_env.physics.effects import rig_ports as ports
 from steer_env.physics.effects.rig_moment import RigMoment
 from steer_env.testcar.campaign_writer import write_run
 from steer_env.units import Quantity
 
 Array = NDArray[np.floating]
+SENSOR = "sensor_torque_Nm"
 LOG_PERIOD = 2e-3  # s
 SUBSTEPS = 8
 STEP = LOG_PERIOD / SUBSTEPS  # s
@@ -133,6 +135,16 @@ def feeds() -> dict[str, tuple[str, Array]]:
     }
 
 
+def bench_for(hidden: Hidden, seed: int) -> Bench:
+    """A bench with a load and a torque sensor if something hidden cannot be seen without; else by a coin.
+
+    The coin is there so that a sensor does not tell what is hidden.
+    """
+    needed = any(SENSOR in EFFECTS["rig"][name].needs for name in hidden)
+    coin = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(8,))).random() < 0.5
+    return LOADED if needed or coin else Bench()
+
+
 def bench_campaign(
     folder: Path, hidden: Hidden, seed: int, repeats: int = 3, bench: Bench | None = None, clean: bool = False
 ) -> None:
@@ -176,5 +188,5 @@ def logged(record: Array, loaded: bool, rng: np.random.Generator | None) -> dict
     if loaded:
         if rng is not None:
             load = SENSOR_STEP * np.round((load + SENSOR_NOISE * rng.standard_normal(load.size)) / SENSOR_STEP)
-        columns["sensor_torque_Nm"] = load
+        columns[SENSOR] = load
     return columns

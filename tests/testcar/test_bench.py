@@ -18,6 +18,7 @@ from steer_env.testcar.bench import (
     Bench,
     Command,
     bench_campaign,
+    bench_for,
     bench_rollout,
 )
 
@@ -160,3 +161,10 @@ def test_a_loaded_bench_logs_the_torque_that_the_load_takes(tmp_path: Path) -> N
     error = run.channels["sensor_torque_Nm"] - load
     assert abs(float(np.mean(error))) < 1e-3
     assert float(np.std(error)) < 0.02
+
+
+def test_a_gain_is_hidden_where_a_sensor_can_show_it() -> None:
+    """A torque gain always gets the loaded bench; a coin gives it to others too, so that a sensor tells nothing."""
+    gain, play = {"torque_gain": {"ratio": 1.1}}, {"backlash": {"half_gap_rad": 0.01}}
+    assert all(bench_for(gain, seed) == LOADED for seed in range(20))
+    assert {bench_for(play, seed) == LOADED for seed in range(20)} == {True, False}
