@@ -1,8 +1,8 @@
 """The virtual motor on a virtual clock: frames in, frames out, the same bits every time.
 
-    motor = VirtualMotor("senso_wheel", seed=1)
-    received = motor.exchange(frames, 1e-3)      # frames sent now; what reaches the host within 1 ms
-    link = SteppedLink(motor)                    # or with the manners of a bus: send, receive(timeout), now
+motor = VirtualMotor("senso_wheel", seed=1)
+received = motor.exchange(frames, 1e-3)      # frames sent now; what reaches the host within 1 ms
+link = SteppedLink(motor)                    # or with the manners of a bus: send, receive(timeout), now
 """
 
 from __future__ import annotations
