@@ -1,4 +1,6 @@
-"""Motors by name. To add one: a file here with an Options dataclass and a class that is a ``motor.Motor``, a .dbc
+"""Motors by name.
+
+To add one: a file here with an Options dataclass and a class that is a ``motor.Motor``, a .dbc
 beside it where a DBC can describe its frames, its drive's side in ``steer_env/rig/virtual``, and a row in ``MOTORS``.
 Contract tests then run over it: golden frames, round trips, watchdog, limits, faults.
 
@@ -24,7 +26,14 @@ class Row(NamedTuple):
     fixed: tuple[tuple[str, Any], ...] = ()
 
 
-MOTORS: dict[str, Row] = {}
+MOTORS: dict[str, Row] = {
+    "simulated": Row("simulated", "Simulated", "SimulatedOptions"),
+    "senso_wheel": Row("senso_wheel", "SensoWheel", "SensoOptions"),
+    "odrive": Row("odrive", "Odrive", "OdriveOptions"),
+    "odrive_05": Row("odrive", "Odrive", "OdriveOptions", (("firmware", "0.5"),)),
+    "moteus": Row("moteus", "Moteus", "MoteusOptions"),
+    "cia402": Row("cia402", "Cia402", "Cia402Options"),
+}
 
 
 def make(name: str, **options: Any) -> Motor:

@@ -87,7 +87,7 @@ class Motor(Protocol):
     def decode(self, frame: Frame) -> tuple[Message, ...]:
         """What a frame says: () if it is not from this drive, ``Rejected`` if it cannot be believed.
 
-        A frame may hold a sample and a status. No frame is answered with a value that is not finite.
+        A frame may hold a sample and a status. A value is nan only where the protocol does not have it.
         """
 
     def poll_frames(self) -> tuple[Frame, ...]:
@@ -104,6 +104,23 @@ class Motor(Protocol):
 
     def stop_frames(self) -> tuple[Frame, ...]:
         """Zero torque and the fastest way to a drive without current, whatever its state; may be repeated."""
+
+
+# Beyond these no steering wheel is: a sample that says so is a fault of the encoder or of the frame.
+ANGLE_LIMIT = 1000.0  # rad, 159 turns
+RATE_LIMIT = 1000.0  # rad/s
+TORQUE_LIMIT = 100.0  # N m
+
+
+def believed(sample: Sample) -> Sample | Rejected:
+    """The sample, or why it cannot be one of a steering wheel; nan stands for a value that the protocol has not."""
+    if not abs(sample.angle) <= ANGLE_LIMIT:
+        return Rejected(f"angle {sample.angle:g} rad")
+    if abs(sample.rate) > RATE_LIMIT:
+        return Rejected(f"rate {sample.rate:g} rad/s")
+    if abs(sample.torque) > TORQUE_LIMIT or abs(sample.sensor_torque) > TORQUE_LIMIT:
+        return Rejected(f"torque {sample.torque:g} or {sample.sensor_torque:g} N m")
+    return sample
 
 
 def checked_torque(torque: float, rated_torque: float) -> float:
