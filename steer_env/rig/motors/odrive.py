@@ -2,7 +2,7 @@
 
 The drive must be configured beforehand: CAN bit rate (250 kbit/s by default: too slow for 1 kHz), the encoder estimates
 every 1 ms, its torque constant, limits and, because it is off by default, its watchdog; 0.5 feeds that with any frame
-addressed to the node, 0.6 with the cyclic setpoint. None of these can be read over CANSimple. The drive sends by itself.
+addressed to the node, 0.6 with the cyclic setpoint. None of these can be read here. The drive sends by itself.
 Torque is the motor's; 0.5 sends only currents, so there it is nan. Calibration, in which the motor turns by itself, is
 never asked for.
 """
@@ -112,7 +112,7 @@ class Odrive:
         return (self._frame("SetInputTorque", Torque=wanted),)
 
     def decode(self, frame: Frame) -> tuple[Message, ...]:
-        """A sample per encoder estimate, with the torque estimate that came since the last one; status per heartbeat."""
+        """A sample per encoder estimate, with the torque that came since the last one; a status per heartbeat."""
         name = self._replies.get(frame.key)
         if name is None or frame.remote:
             return ()

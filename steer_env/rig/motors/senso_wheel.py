@@ -3,7 +3,7 @@
 Known from several independent drivers: the frames of ``senso_wheel.dbc``. Known to nobody: the time of the drive's CAN
 watchdog (10 ms between frames is short enough; ``steer-env rig check`` measures it), which is therefore never switched
 off and never counted on. The nominal torque of 7.5 N m and 40 000 increments a turn are the maker's fall-back values.
-Whether the torque in the answer is measured or commanded is unknown; it is no shaft sensor. The speed has a resolution of
+Whether the torque in the answer is measured or commanded is unknown; it is no shaft sensor. The speed has steps of
 1 rpm (0.105 rad/s). The angle is relative until the drive has made its reference tour, in which it turns the wheel by
 itself; that tour is never asked for here.
 """
