@@ -99,9 +99,10 @@ class Watchdog:
         return self._process.pid if self._process else 0
 
     def watch(self, on: bool) -> None:
-        """From now on a beat is due (or no more)."""
+        """From now on a beat is due (or no more); forgets that it fired."""
         if self._cells is not None:
             self._cells[BEATS] += 1
+            self._cells[FIRED] = 0
             self._cells[WATCH] = int(on)
 
     def beat(self) -> None:
