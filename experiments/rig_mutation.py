@@ -212,6 +212,7 @@ def main(jobs: int, only: str) -> None:
     for done, survivor in survivors(mutants, jobs):
         if survivor:
             alive.append(survivor)
+            click.echo(f"not noticed: {survivor.module} line {survivor.line}: {survivor.change}", err=True)
         if done % 25 == 0:
             click.echo(f"{done} of {len(mutants)} run, {len(alive)} not noticed", err=True)
     print_table(["module", "line", "change"], [[m.module, m.line, m.change] for m in alive])

@@ -11,6 +11,7 @@ from steer_env.rig.safety_limits import Limits, Measurement
 SCORE_LIMIT = 5  # a leaky score at which a counter, a checksum or the pace counts as broken (opendbc)
 LATE = 1.5  # periods after which a cycle counts as missed
 FORGET = 0.2  # s in which the mismatch of angle and rate is forgotten
+TORQUE_MEAN = 0.03  # s over which the motor's torque is compared with the command: many times its lag and delay
 
 
 def is_finite(value: Any) -> bool:
@@ -45,7 +46,7 @@ class FaultFinder:
         self._now: float | None = None
         self._last: Measurement | None = None
         self._pace, self._frames = LeakyScore(), LeakyScore()
-        self._mismatch = 0.0
+        self._mismatch = self._excess = 0.0
         self._override_since = math.inf
         self._moved_at = -math.inf
 
@@ -120,6 +121,10 @@ class FaultFinder:
         self._mismatch = self._mismatch * math.exp(-dt / FORGET) + turned - measured.rate * dt
         if not abs(self._mismatch) <= limits.motion_mismatch:  # so that NaN is a fault
             return "angle and rate contradict each other"
+        share = math.exp(-dt / TORQUE_MEAN)
+        self._excess = share * self._excess + (1.0 - share) * (measured.motor_torque - applied)
+        if not abs(self._excess) <= limits.torque_mismatch:
+            return "the motor does not give the torque that it is told"
         if _reading(measured) != _reading(last) or abs(applied) < limits.frozen_torque:
             self._moved_at = now
         return "the sensor is stuck" if now - self._moved_at > limits.frozen_after else ""

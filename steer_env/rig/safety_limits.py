@@ -35,6 +35,9 @@ class Limits(NamedTuple):
     motion_mismatch: Annotated[
         float, Quantity("rad", "angle turned minus integrated rate, forgotten in 0.2 s", 1e-3, 5.0, _OURS)
     ] = 0.15
+    torque_mismatch: Annotated[
+        float, Quantity("N m", "motor's torque minus the command, mean over 30 ms", 1e-3, 50.0, _OURS)
+    ] = 0.5
     frozen_after: Annotated[float, Quantity("s", "same readings so long under torque: stuck", 0.01, 9.0, _OURS)] = 0.5
     frozen_torque: Annotated[float, Quantity("N m", "torque under which that counts", 0.0, 50.0, _OURS)] = 0.3
 
@@ -60,7 +63,7 @@ class Measurement(NamedTuple):
 
 
 def limits_for(torque_cap: float, rated_torque: float, limits: Limits | None = None) -> Limits:
-    """Limits for a raised (or lowered) cap: rates, window and energy grow with it.
+    """Limits for a raised (or lowered) cap: rates, window, energy and the torque's tolerance grow with it.
 
     Args:
         torque_cap: largest torque in N m; not above the drive's rating.
@@ -79,6 +82,7 @@ def limits_for(torque_cap: float, rated_torque: float, limits: Limits | None = N
         window_change=base.window_change * scale,
         energy_store=base.energy_store * scale,
         energy_income=base.energy_income * scale,
+        torque_mismatch=base.torque_mismatch * scale,
     )
     return checked_limits(grown, rated_torque)
 

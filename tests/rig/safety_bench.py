@@ -14,7 +14,7 @@ class Rig:
     def __init__(self, limits=LIMITS, counter_modulus=0):
         self.layer = SafetyLayer(RATED, limits, 1e-3, counter_modulus)
         self.us, self.count, self.modulus = 7_000_000, 0, counter_modulus
-        self.angle = 0.0
+        self.angle, self.given = 0.0, 0.0
 
     @property
     def now(self):
@@ -26,8 +26,9 @@ class Rig:
             changes.setdefault("counter", self.count)
             self.count = (self.count + 1) % self.modulus
         self.angle = changes.get("angle", self.angle)
-        values = {"time": (self.us - age_us) / 1e6, "angle": self.angle} | changes
-        return self.layer.filter(torque, REST._replace(**values), self.now)
+        values = {"time": (self.us - age_us) / 1e6, "angle": self.angle, "motor_torque": self.given} | changes
+        self.given = self.layer.filter(torque, REST._replace(**values), self.now)
+        return self.given
 
     def arm(self):
         self.us += 10
@@ -37,10 +38,10 @@ class Rig:
         assert self.layer.arm(self.now) == ""
         return self
 
-    def shake(self, cycles):
+    def shake(self, cycles, torque=1.0):
         """Torque on a wheel that moves a little, as a held wheel does."""
         for k in range(cycles):
-            assert abs(self.cycle(angle=self.angle + (1e-4 if k % 2 else -1e-4))) > 0.0, self.layer.trip_reason
+            assert abs(self.cycle(torque, angle=self.angle + (1e-4 if k % 2 else -1e-4))) > 0.0, self.layer.trip_reason
         return self
 
     def tripped(self, reason):

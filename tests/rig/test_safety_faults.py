@@ -6,7 +6,7 @@ import pytest
 
 from steer_env.rig.safety import HEALTHY_CYCLES, State
 from steer_env.rig.safety_faults import FORGET, SCORE_LIMIT, LeakyScore, is_finite
-from tests.rig.safety_bench import REST, Rig, armed
+from tests.rig.safety_bench import LIMITS, REST, Rig, armed
 
 BAD_NUMBERS = [math.nan, math.inf, -math.inf, None, "1.0", [1.0], 10**400, 1j]
 
@@ -144,7 +144,8 @@ def test_a_stuck_sensor_trips():
 def test_any_change_of_a_reading_shows_that_the_sensor_lives(changes):
     rig = armed()
     for k in range(700):
-        assert rig.cycle(1.0, **{changes: 1e-3 * (k // 400)}) != 0.0
+        start = 1.0 if changes == "motor_torque" else 0.0
+        assert rig.cycle(1.0, **{changes: start + 1e-3 * (k // 400)}) != 0.0
 
 
 def test_without_torque_a_wheel_may_stand_still():
@@ -177,6 +178,22 @@ def test_a_true_rate_contradicts_nothing():
         phase = 2.0 * math.pi * 2.0 * k * 1e-3
         rig.cycle(0.1, angle=math.sin(phase), rate=4.0 * math.pi * math.cos(phase))
     assert rig.layer.state is State.ARMED
+
+
+@pytest.mark.parametrize("given", [1.51, -1.51])
+def test_a_motor_that_gives_another_torque_trips(given):
+    """0.51 N m too much is found after 30 ms ln(0.51 / 0.01) = 118 ms, 0.49 N m too much never; either sign."""
+    sign = math.copysign(1.0, given)
+    for excess, ends in ((0.51, True), (0.49, False)):
+        rig = Rig(LIMITS._replace(frozen_torque=50.0)).arm().shake(400, sign)
+        cycles = 0
+        while cycles < 600 and rig.cycle(sign, motor_torque=sign * (1.0 + excess)) != 0.0:
+            cycles += 1
+        if ends:
+            assert rig.tripped("torque that it is told")
+            assert 105 <= cycles <= 130
+        else:
+            assert cycles == 600, rig.layer.trip_reason
 
 
 def test_a_leaky_score_forgives_now_and_then_but_not_five_misses_on_balance():

@@ -14,7 +14,7 @@ LSB = 1e-3  # N m, resolution of the finest protocol
 PERIOD = 1e-3
 RATED = 7.5
 # Rates are checked apart from the cap: let it be reached within a cycle. These wheels stand still under torque.
-FAST = Limits(rate_up=1e5, rate_down=1e5, window_change=50.0, frozen_torque=50.0)
+FAST = Limits(rate_up=1e5, rate_down=1e5, window_change=50.0, frozen_torque=50.0, torque_mismatch=50.0)
 REST = Measurement(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -300,7 +300,13 @@ def test_a_cap_above_the_rating_is_refused():
 def test_a_raised_cap_brings_rates_window_and_energy_with_it():
     grown = limits_for(6.0, 7.5)
     assert grown == Limits(
-        torque_cap=6.0, rate_up=300.0, rate_down=1200.0, window_change=4.5, energy_store=18.0, energy_income=6.0
+        torque_cap=6.0,
+        rate_up=300.0,
+        rate_down=1200.0,
+        window_change=4.5,
+        energy_store=18.0,
+        energy_income=6.0,
+        torque_mismatch=1.5,
     )
     lowered = limits_for(1.0, 7.5, Limits(energy_store=3.0))
     assert (lowered.torque_cap, lowered.energy_store, lowered.rate_up) == (1.0, 1.5, 50.0)
