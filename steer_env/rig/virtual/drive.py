@@ -38,7 +38,6 @@ class Drive:
             self.watchdog_s = watchdog_s
         self.cycles = {}
         self.powered = True
-        self.answers = True
         self.state: DriveState = "off"
         self.faults: set[str] = set()
         self.command = 0.0

@@ -45,7 +45,7 @@ class VirtualMotor:
         watchdog_s: of the drive; None: its own default, 0: none.
         dead_time: s from a command's arrival to its acting.
         angle: rad at which wheel and rotor rest at the start.
-        options: of the drive (``motors.make``), over its SETTINGS; its sign and zero need not be what the host believes.
+        options: of the drive (``motors.make``), over its SETTINGS; sign and zero need not be the host's.
     """
 
     def __init__(
