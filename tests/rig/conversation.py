@@ -44,16 +44,18 @@ class Conversation:
         """Bring the drive "on" or "off", one transition per status; the different statuses on the way."""
         ask = self.motor.bring_up if state == "on" else self.motor.bring_down
         way: list[DriveStatus] = []
-        frames: tuple[Frame, ...] = self.motor.poll_frames()
+        frames = self.motor.poll_frames() or self.motor.torque_frames(0.0)
         for _ in range(periods):
             heard = self.period(*frames)
-            frames = self.motor.poll_frames()
+            waiting = self.motor.poll_frames() or self.motor.torque_frames(0.0)
             if heard.statuses:
                 status = heard.statuses[-1]
                 way += [status] if status not in way else []
                 if status.state == state:
                     return way
-                frames = ask(status) or frames
+                frames = ask(status) or waiting
+            else:
+                frames = waiting
         raise AssertionError(f"not {state} after {periods} periods: {way}")
 
     def run(self, torque: float, periods: int) -> list[Heard]:
