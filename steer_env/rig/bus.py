@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, Protocol
 from steer_env.errors import InputError
 from steer_env.rig.frame import Frame, Received
 
-ECHO_AGE = 0.1  # s in which an own frame comes back, if it does
+ECHOES = 10_000  # own frames that may still be on their way back
 QUIET = 1.0  # s without error frames after which a bus counts as recovered
 # linux/can/error.h: class bits in the identifier of an error frame, and the controller's state in data[1].
 _ERR_CONTROLLER, _ERR_BUS_OFF, _ERR_RESTARTED = 0x004, 0x040, 0x100
@@ -67,7 +67,7 @@ class Bus:
 
     def __init__(self, can_bus: Any, hears_itself: bool = False) -> None:
         self._bus: Any = can_bus
-        self._echoes: deque[tuple[float, Frame]] | None = deque() if hears_itself else None
+        self._echoes: deque[Frame] | None = deque(maxlen=ECHOES) if hears_itself else None
         self._health = Health()
         self._last_error = float("-inf")
 
@@ -76,7 +76,7 @@ class Bus:
         import can
 
         if self._echoes is not None:
-            self._echoes.append((time.monotonic(), frame))
+            self._echoes.append(frame)
         try:
             self._bus.send(message_of(frame), timeout=0.0)
         except can.CanError:
@@ -98,7 +98,7 @@ class Bus:
                 self._note_error(message, host_time)
             else:
                 frame = frame_of(message)
-                if not self._is_echo(frame, host_time):
+                if not self._is_echo(frame):
                     if frame.remote:
                         self._health = self._health._replace(remote_frames=self._health.remote_frames + 1)
                     return Received(frame, message.timestamp, host_time)
@@ -127,17 +127,13 @@ class Bus:
     ) -> None:
         self.close()
 
-    def _is_echo(self, frame: Frame, host_time: float) -> bool:
-        """Whether the frame is the next own one coming back; a second equal one is not ours."""
-        if self._echoes is None:
+    def _is_echo(self, frame: Frame) -> bool:
+        """Whether the frame is an own one coming back, in the order sent; a second equal one is not ours."""
+        if not self._echoes or frame not in self._echoes:
             return False
-        while self._echoes and host_time - self._echoes[0][0] > ECHO_AGE:
-            self._echoes.popleft()
-        for entry in self._echoes:
-            if entry[1] == frame:
-                self._echoes.remove(entry)
-                return True
-        return False
+        while self._echoes.popleft() != frame:
+            pass  # those before it got lost
+        return True
 
     def _note_error(self, message: Any, host_time: float) -> None:
         health, state, kind = self._health, self._health.state, message.arbitration_id

@@ -19,6 +19,7 @@ from steer_env.rig.frame import Frame
 from steer_env.rig.motors.dbc import dbc
 from steer_env.rig.motors.motor import (
     NAN,
+    RATE_LIMIT,
     DriveState,
     DriveStatus,
     Message,
@@ -169,5 +170,8 @@ class Cia402:
         mode = int(values["Mode"])
         if mode not in (0, CYCLIC_SYNCHRONOUS_TORQUE):
             return (DriveStatus("error", (f"mode {mode}, not asked for",), "mode"),)
-        self._rate = self.options.sign * values["Velocity"] * self.options.rate_unit
+        rate = self.options.sign * values["Velocity"] * self.options.rate_unit
+        if abs(rate) > RATE_LIMIT:
+            return (Rejected(f"rate {rate:g} rad/s"),)
+        self._rate = rate
         return ()

@@ -17,6 +17,7 @@ from steer_env.rig.frame import Frame
 from steer_env.rig.motors.dbc import dbc
 from steer_env.rig.motors.motor import (
     NAN,
+    TORQUE_LIMIT,
     DriveState,
     DriveStatus,
     Message,
@@ -125,6 +126,8 @@ class Odrive:
             return (self._status(values),)
         sign = self.options.sign
         if name == "Torques":
+            if abs(values["Estimate"]) > TORQUE_LIMIT:
+                return (Rejected(f"torque {values['Estimate']:g} N m"),)
             self._torque = sign * values["Estimate"]
             return ()
         torque, self._torque = self._torque, NAN

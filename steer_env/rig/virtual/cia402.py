@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 from steer_env.rig.frame import Frame
 from steer_env.rig.motors.cia402 import CYCLIC_SYNCHRONOUS_TORQUE, NMT_START, STATUS_WORDS
@@ -23,7 +23,7 @@ _FAULT_RESET = 0x80
 class VirtualDrive(Drive):
     """Node state, the profile's state machine, and the watchdog over commands (as a heartbeat consumer would be)."""
 
-    fault = "overcurrent"
+    SETTINGS: ClassVar[dict[str, Any]] = {"rated_torque": 7.5, "increments_per_turn": 65_536, "rate_unit": 1e-3}
 
     def __init__(self, motor: Any, watchdog_s: float | None) -> None:
         self._file = dbc("cia402")

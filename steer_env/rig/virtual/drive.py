@@ -7,7 +7,7 @@ direction; ``mounted`` and ``target`` turn them, so that a wrongly configured ho
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 from steer_env.rig.frame import Frame
 from steer_env.rig.motors.motor import DriveState
@@ -23,8 +23,11 @@ class Drive:
     """One drive; protocols override ``receive`` and, if the drive sends by itself, ``cyclic``.
 
     ``command`` is in N m in the drive's direction; ``cycles`` maps the name of a message to its period in s.
+    ``SETTINGS`` are options of the motor that have no default.
     """
 
+    SETTINGS: ClassVar[dict[str, Any]] = {}
+    fault = "overcurrent"  # the one that "drive_fault" raises
     watchdog_s = WATCHDOG
     watchdog_fault = "watchdog"
     cycles: dict[str, float]
@@ -35,7 +38,6 @@ class Drive:
             self.watchdog_s = watchdog_s
         self.cycles = {}
         self.powered = True
-        self.answers = True
         self.state: DriveState = "off"
         self.faults: set[str] = set()
         self.command = 0.0

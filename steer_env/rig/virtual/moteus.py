@@ -6,6 +6,7 @@ Torque only: a command that would close the position loop (gains not scaled to z
 from __future__ import annotations
 
 import math
+from typing import Any, ClassVar
 
 from steer_env.rig.frame import Frame
 from steer_env.rig.motors import moteus_frames as registers
@@ -20,6 +21,7 @@ _TORQUE, _KP, _KD, _MAX_TORQUE = 0x022, 0x023, 0x024, 0x025
 class VirtualDrive(Drive):
     """Modes stopped, position, timeout and fault."""
 
+    SETTINGS: ClassVar[dict[str, Any]] = {"rated_torque": 7.5}
     watchdog_s = 0.1  # as delivered
     fault = "motor driver"
     _valid = 0.1

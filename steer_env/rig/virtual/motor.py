@@ -8,7 +8,6 @@
 from __future__ import annotations
 
 import heapq
-import importlib
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -20,7 +19,8 @@ from steer_env.plants.plant_set import Plant
 from steer_env.plants.sbw import SBW
 from steer_env.rig.bus import Health
 from steer_env.rig.frame import Frame, Received
-from steer_env.rig.motors import MOTORS, make
+from steer_env.rig.motors import make
+from steer_env.rig.virtual import drive_class
 from steer_env.rig.virtual.bus_faults import BusFaults
 from steer_env.rig.virtual.drive import Drive
 from steer_env.rig.virtual.drive_faults import DriveFaults
@@ -45,7 +45,7 @@ class VirtualMotor:
         watchdog_s: of the drive; None: its own default, 0: none.
         dead_time: s from a command's arrival to its acting.
         angle: rad at which wheel and rotor rest at the start.
-        options: of the drive (``motors.make``): its mounting sign and zero may differ from what the host believes.
+        options: of the drive (``motors.make``), over its SETTINGS; sign and zero need not be the host's.
     """
 
     def __init__(
@@ -63,9 +63,9 @@ class VirtualMotor:
         angle: float = 0.0,
         **options: Any,
     ) -> None:
-        motor = make(name, **options)
-        module = importlib.import_module(f"steer_env.rig.virtual.{MOTORS[name].module}")
-        self.drive: Drive = module.VirtualDrive(motor, watchdog_s)
+        kind = drive_class(name)
+        motor = make(name, **{**kind.SETTINGS, **options})
+        self.drive: Drive = kind(motor, watchdog_s)
         self.injector = Injector(list(faults), seed)
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,))) if noise else None
         self.wheel = Wheel(plant, imperfections or Imperfections(), rng, angle)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from steer_env.rig.frame import Frame
 from steer_env.rig.motors.dbc import dbc
@@ -16,6 +16,7 @@ NAN = float("nan")
 class VirtualDrive(Drive):
     """Encoder (and torque) estimates every 1 ms, a heartbeat every 10 ms, well within the watchdog's time."""
 
+    SETTINGS: ClassVar[dict[str, Any]] = {"rated_torque": 7.5}
     fault = "estop"
 
     def __init__(self, motor: Any, watchdog_s: float | None) -> None:

@@ -22,7 +22,6 @@ class VirtualDrive(Drive):
     """State machine and answers; the host's watchdog bit is honoured, as dangerous as it is."""
 
     watchdog_fault = "CAN watchdog"
-    fault = "overcurrent"
     _mode = 0
     _guarded = True
     _percent = 100

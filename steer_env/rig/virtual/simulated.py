@@ -16,7 +16,6 @@ _CODES: dict[DriveState, int] = {"off": OFF, "ready": READY, "on": ON, "error": 
 class VirtualDrive(Drive):
     """A command that is damaged, or that repeats the counter of the last one, is no command."""
 
-    fault = "overcurrent"
     _seen = -1
     _counter = 0
 
