@@ -27,7 +27,7 @@ class Connection:
 
     motor: a row of ``steer_env.rig.motors.MOTORS``; ``motor_options`` are its own (sign, zero, rated_torque, ...).
     interface, channel: as python-can names them; "stepped" is a virtual motor in this process on a virtual clock, the
-        same bits every time. ``port`` is that of udp_multicast.
+        same bits every time. ``port`` is that of udp_multicast; ``bitrate`` in bit/s, None: the motor's own.
     torque_cap: N m; None: the default of 2 N m (``Limits``), or the drive's rating if that is less. Rates, window and
         energy grow with it. ``limits`` gives everything by hand instead.
     watchdog: the second process that drops the drive; None: wherever a second process can reach the bus.
@@ -40,6 +40,7 @@ class Connection:
     channel: str = ""
     motor_options: Mapping[str, Any] = field(default_factory=dict)
     port: int = 43113
+    bitrate: int | None = None
     torque_cap: float | None = None
     limits: Limits | None = None
     watchdog: bool | None = None
@@ -65,7 +66,11 @@ class Connection:
             raise InputError("virtual", f"interface {self.interface!r} is no virtual motor", "use interface='stepped'")
         if self.watchdog and self.interface in OWN_PROCESS_ONLY:
             raise InputError("watchdog", f"no process can reach {self.interface!r}", "leave watchdog away")
-        self.limits_of(motors.make(self.motor, **self.motor_options))
+        self.limits_of(self.codec())
+
+    def codec(self) -> Motor:
+        """The motor's codec, made anew."""
+        return motors.make(self.motor, **self.motor_options)
 
     def limits_of(self, motor: Motor) -> Limits:
         """Limits of the safety layer; InputError where the cap is above the drive's rating."""
@@ -76,12 +81,12 @@ class Connection:
 
     def open(self, plant: Plant) -> RigSession:
         """Open the bus (or make the virtual motor), start the watchdog, and hand out the session; no torque yet."""
-        motor = motors.make(self.motor, **self.motor_options)
+        motor = self.codec()
         limits = self.limits_of(motor)
         if self.interface == "stepped":
             return RigSession(self._stepped(plant), motor, plant, limits, tap=self.tap)
         bus: dict[str, Any] = {"interface": self.interface, "channel": self.channel, "port": self.port}
-        bus |= {"bitrate": motor.bitrate, "data_bitrate": motor.data_bitrate}
+        bus |= {"bitrate": self.bitrate or motor.bitrate, "data_bitrate": motor.data_bitrate}
         link, watchdog = open_bus(**bus), None
         if self.watchdog or (self.watchdog is None and self.interface not in OWN_PROCESS_ONLY):
             watchdog = Watchdog(self.motor, dict(self.motor_options), bus)

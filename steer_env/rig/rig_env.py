@@ -101,6 +101,11 @@ class RigEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise RuntimeError("the rig is not open: call env.reset() first")
         return self._session
 
+    @property
+    def periods(self) -> int:
+        """How many steps the episode has."""
+        return self._setup.periods
+
     def action_for(self, torque: float) -> NDArray[np.float32]:
         """The action that asks for a motor torque in N m."""
         return np.array([torque / self.motor.rated_torque], np.float32)

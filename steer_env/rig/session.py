@@ -224,16 +224,30 @@ class RigSession:
 
     def _send(self, frames: tuple[Frame, ...]) -> None:
         for frame in frames:
-            taken = self.link.send(frame)
+            try:
+                taken = self.link.send(frame)
+            except (
+                Exception
+            ) as error:  # a bus that fails must not keep the next frame, or the next stop, from being tried
+                taken = False
+                self.safety.trip(f"the bus fails: {type(error).__name__}: {error}")
             if self._refused.broken_after(not taken):
                 self.safety.trip("the bus takes no frames")
-            if self._tap is not None and taken:
-                self._tap(frame, self.link.now(), True)
+            if taken:
+                self._tell(frame, self.link.now(), True)
+
+    def _tell(self, frame: Frame, time: float, sent: bool) -> None:
+        """Let the recorder know; one that fails ends the run, but never a stop."""
+        if self._tap is not None:
+            try:
+                self._tap(frame, time, sent)
+            except Exception as error:
+                self._tap = None
+                self.safety.trip(f"the recorder fails: {type(error).__name__}: {error}")
 
     def _take(self, received: Received) -> None:
         frame = received.frame
-        if self._tap is not None:
-            self._tap(frame, received.host_time, False)
+        self._tell(frame, received.host_time, False)
         if frame.key in self.motor.command_identifiers:
             self.foreign += 1
             return

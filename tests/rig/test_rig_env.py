@@ -75,7 +75,7 @@ def test_on_a_wire_without_delay_both_are_equal_to_within_resolution(causality):
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_does_not():
-    first, second, third = (run(rig(virtual={"seed": seed}), 700)[0] for seed in (4, 4, 5))
+    first, second, third = (run(rig(sensors=None, virtual={"seed": seed}), 700)[0] for seed in (4, 4, 5))
     assert np.array_equal(first, second)
     assert not np.array_equal(first, third)
 
@@ -162,6 +162,8 @@ def test_reset_turns_a_wheel_back_gently():
     inside = env.unwrapped
 
     def watch(frame, time, sent):
+        if inside._session is None:
+            return  # it is being closed
         virtual = virtual_of(env)
         peak["torque"] = max(peak["torque"], abs(virtual.motor_torque))
         peak["rate"] = max(peak["rate"], abs(virtual.wheel.state.pinion_rate))
@@ -176,12 +178,55 @@ def test_reset_turns_a_wheel_back_gently():
     env.close()
 
 
-def test_a_wheel_that_does_not_settle_is_let_go():
-    """A weight of 3 N m on the rim: 1 N m cannot hold it, and must not go on trying."""
-    env = rig(virtual={"imperfections": Imperfections(0.0, 21.0, 3.0), "angle": 2.0})
+def test_a_wheel_that_does_not_settle_is_let_go(monkeypatch):
+    """A weight of 3 N m that hangs a full turn away: 1 N m cannot lift it over, and must not go on trying."""
+    monkeypatch.setattr("steer_env.rig.rig_env.SETTLE_TIMEOUT", 2.0)
+    env = rig(virtual={"imperfections": Imperfections(0.0, 21.0, 3.0), "angle": 6.0})
     with pytest.raises(RigError, match=r"settle|tripped"):
         env.reset(seed=0)
     virtual = virtual_of(env)
+    virtual.advance(0.02)
+    assert virtual.drive.state == "off"
+    env.close()
+
+
+def test_a_recorder_that_fails_ends_the_run_and_never_the_stop():
+    """A full disk: the episode trips, and zero torque and the drive's state down still go out."""
+    env = rig()
+    env.reset(seed=0)
+
+    def full(frame, time, sent):
+        raise OSError("no space left on device")
+
+    env.unwrapped.session._tap = full
+    virtual = virtual_of(env)
+    _, _, _, ended, info = env.step(np.array([0.1], np.float32))
+    if not ended:
+        _, _, _, ended, info = env.step(np.array([0.1], np.float32))
+    assert ended
+    assert "recorder fails" in info["ended"]
+    virtual.advance(0.02)
+    assert virtual.drive.state == "off"
+    env.close()
+
+
+def test_a_bus_that_raises_does_not_keep_the_stop_from_being_tried():
+    env = rig()
+    env.reset(seed=0)
+    session, virtual = env.unwrapped.session, virtual_of(env)
+    send, calls = session.link.send, []
+
+    def unplugged(frame):
+        calls.append(frame)
+        if len(calls) < 4:
+            raise OSError("no such device")
+        return send(frame)
+
+    session.link.send = unplugged
+    _, _, _, ended, info = env.step(np.array([0.1], np.float32))
+    while not ended:
+        _, _, _, ended, info = env.step(np.array([0.1], np.float32))
+    assert "bus fails" in info["ended"]
     virtual.advance(0.02)
     assert virtual.drive.state == "off"
     env.close()

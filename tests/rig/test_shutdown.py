@@ -17,6 +17,8 @@ shutdown = Shutdown(lambda: print("stopped", flush=True))
 shutdown.install()
 print("ready", flush=True)
 how = sys.argv[1]
+if len(sys.argv) > 2:
+    open(sys.argv[2], "w").close()
 if how == "exit":
     sys.exit(0)
 if how == "exception":
@@ -53,11 +55,12 @@ def test_signals_stop_and_then_end_the_process(number):
     assert status in (128 + number, -number)
 
 
-def test_a_parent_that_is_gone_is_noticed():
+def test_a_parent_that_is_gone_is_noticed(tmp_path):
+    ready = tmp_path / "ready"
     code = (
-        "import os, subprocess, sys\n"
-        f"child = subprocess.Popen([sys.executable, '-c', {PROGRAM!r}, 'wait'], stdout=subprocess.PIPE)\n"
-        "os.write(1, child.stdout.readline())\n"
+        "import os, subprocess, sys, time\n"
+        f"subprocess.Popen([sys.executable, '-c', {PROGRAM!r}, 'wait', {str(ready)!r}])\n"
+        f"while not os.path.exists({str(ready)!r}):\n    time.sleep(0.01)\n"
         "os._exit(0)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, check=True)
