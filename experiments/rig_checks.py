@@ -136,7 +136,7 @@ def bad_request_trips(bench: Bench) -> Finding:
 
 
 def sign(bench: Bench) -> Finding:
-    """A growing torque to the left until the wheel turns: it must turn to the left."""
+    """A growing torque to the left until the wheel turns: its angle must grow; whether that was left, a person sees."""
     turned = 0.0
     with bench.session() as session:
         start = session.reading.angle if session.reading else math.nan
@@ -148,8 +148,11 @@ def sign(bench: Bench) -> Finding:
         reason = session.safety.trip_reason
     if abs(turned) < TURN:
         return Finding("sign", False, f"the wheel turned {turned:+.4f} rad only: is it held? {reason}")
-    mend = "" if turned > 0.0 else ": give the option sign the other value"
-    return Finding("sign", turned > 0.0, f"torque to the left turned it {turned:+.3f} rad{mend}")
+    look = "was that to the left? If not, give the option sign the other value"
+    found = f"a positive torque turned it {turned:+.3f} rad"
+    return Finding(
+        "sign", turned > 0.0, f"{found}; {look if turned > 0.0 else 'torque and angle contradict each other'}"
+    )
 
 
 def drive_watchdog(bench: Bench) -> Finding:

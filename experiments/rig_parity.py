@@ -85,9 +85,11 @@ def episode(causality: str, name: str, duration: float, seed: int, virtual: Mapp
 
 def response(causality: str, signals: Array) -> NDArray[np.complex128]:
     """Response in each of the BANDS_HZ: torque over angle in N m/rad, or angle over torque."""
-    angle, torque = np.fft.rfft(signals[:, 0]), np.fft.rfft(signals[:, 1])
+    # The records start and end at rest: padded with rest, a short one still has lines in every band.
+    length = 8 * len(signals)
+    angle, torque = np.fft.rfft(signals[:, 0], length), np.fft.rfft(signals[:, 1], length)
     u, y = (angle, torque) if causality == "impedance" else (torque, angle)
-    frequency = np.fft.rfftfreq(len(signals), 1e-3)
+    frequency = np.fft.rfftfreq(length, 1e-3)
     edge = 2.0 ** (1.0 / 6.0)
     inside = [(frequency >= f / edge) & (frequency < f * edge) for f in BANDS_HZ]
     return np.array([np.vdot(u[k], y[k]) / np.vdot(u[k], u[k]) for k in inside])

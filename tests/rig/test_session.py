@@ -13,6 +13,7 @@ from steer_env.rig.frame import Frame
 from steer_env.rig.safety import State
 from steer_env.rig.safety_limits import Limits
 from steer_env.rig.session import RigError, RigSession
+from steer_env.rig.virtual.faults import Fault
 from steer_env.rig.virtual.link import SteppedLink
 from steer_env.rig.virtual.motor import VirtualMotor
 
@@ -168,18 +169,24 @@ def test_after_a_trip_the_stop_is_sent_again_in_each_cycle():
 
 
 @pytest.mark.parametrize("name", ["senso_wheel", "simulated"])
-def test_the_check_of_a_sound_rig_passes_and_finds_a_wrong_sign(name):
-    def verdicts(**options):
-        motor = VirtualMotor(name, watchdog_s=0.05)
-        bench = Bench(SteppedLink(motor), motors.make(name, **options), lambda: None)
-        found = {finding.check: finding.passed for finding in all_checks(bench, armed=True, seconds=0.3)}
-        motor.advance(0.05)
-        assert abs(motor.motor_torque) < 1e-6
-        return found
+def test_the_check_of_a_sound_rig_passes_and_leaves_no_torque(name):
+    motor = VirtualMotor(name, watchdog_s=0.05)
+    bench = Bench(SteppedLink(motor), motors.make(name), lambda: None)
+    found = {finding.check: finding.passed for finding in all_checks(bench, armed=True, seconds=0.3)}
+    motor.advance(0.05)
+    assert abs(motor.motor_torque) < 1e-6
+    assert [check for check, passed in found.items() if passed is False] == []
+    assert {"bus up", "motor answers", "timing", "limits limit", "bad request trips", "sign"} <= found.keys()
 
-    sound = verdicts()
-    assert [check for check, passed in sound.items() if passed is False] == []
-    assert {"bus up", "motor answers", "timing", "limits limit", "bad request trips", "sign"} <= sound.keys()
+
+@pytest.mark.parametrize(
+    ("fault", "check"), [("cut_to_host", "motor answers"), ("torque_gain", "limits limit"), ("stuck_sensor", "sign")]
+)
+def test_the_check_finds_what_is_wrong(fault, check):
+    motor = VirtualMotor("senso_wheel", faults=[Fault(fault)], watchdog_s=0.05)
+    bench = Bench(SteppedLink(motor), motors.make("senso_wheel"), lambda: None)
+    failed = [finding.check for finding in all_checks(bench, armed=True, seconds=0.3) if finding.passed is False]
+    assert check in failed
 
 
 def test_without_arming_the_check_sends_no_torque():
