@@ -41,7 +41,7 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
     "odrive": {"rated_torque": 3.0},
     "odrive_05": {"rated_torque": 3.0},
     "moteus": {"rated_torque": 3.0},
-    "cia402": {"rated_torque": 7.5, "node": 1},
+    "cia402": {"rated_torque": 7.5, "increments_per_turn": 65_536},
 }
 # Faults of our own program, besides those of the wire and the drive.
 HOST_FAULTS = ("host: not a number", "host: infinity", "host: huge torque", "host: stalls", "host: exception")
