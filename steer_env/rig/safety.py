@@ -133,20 +133,17 @@ class SafetyLayer:
     def _angle_band(self, angle: float) -> tuple[float, float]:
         """Outward torque fades to zero on the way to the angle limit."""
         room = self.limits.angle_limit - abs(angle)
-        most = self.limits.torque_cap * min(room / self.limits.angle_softening, 1.0)
-        return _one_sided(most, angle)
+        return _one_sided(self.limits.torque_cap * room / self.limits.angle_softening, angle)
 
     def _speed_band(self, rate: float) -> tuple[float, float]:
         """Torque along the motion fades to zero on the way to the speed limit."""
         room = self.limits.speed_limit - abs(rate)
-        most = self.limits.torque_cap * min(room / self.limits.speed_softening, 1.0)
-        return _one_sided(most, rate)
+        return _one_sided(self.limits.torque_cap * room / self.limits.speed_softening, rate)
 
     def _energy_band(self, rate: float) -> tuple[float, float]:
         """Torque along the motion may not spend the stored energy within HORIZON."""
-        spent = abs(rate) * HORIZON * self.limits.torque_cap
-        left = max(self.energy, 0.0)
-        most = self.limits.torque_cap if left >= spent else left / (abs(rate) * HORIZON)
+        way, left = abs(rate) * HORIZON, max(self.energy, 0.0)
+        most = self.limits.torque_cap if left >= self.limits.torque_cap * way else left / way
         return _one_sided(most, rate)
 
     def _rate_band(self, dt: float) -> tuple[float, float]:

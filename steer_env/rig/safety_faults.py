@@ -37,7 +37,7 @@ class LeakyScore:
 class FaultFinder:
     """Judges every cycle. ``counter_modulus`` 0: the protocol has no counter. ``period`` in s."""
 
-    def __init__(self, limits: Limits, period: float, counter_modulus: int = 0) -> None:
+    def __init__(self, limits: Limits, period: float, counter_modulus: int) -> None:
         self.limits, self.period, self.counter_modulus = limits, period, counter_modulus
         self.forget()
 
@@ -113,7 +113,6 @@ class FaultFinder:
                 return "the driver overrides"
         last = self._last
         if last is None:
-            self._moved_at = now
             return ""
         dt, turned = measured.time - last.time, measured.angle - last.angle
         if abs(turned) > limits.speed_limit * dt + limits.jump:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from steer_env.rig.safety import HEALTHY_CYCLES, UNLOCKED_FOR, State
-from tests.rig.safety_bench import LIMITS, Rig, armed
+from steer_env.rig.safety import HEALTHY_CYCLES, SafetyLayer, State
+from tests.rig.safety_bench import LIMITS, REST, Rig, armed
 
 
 def test_one_act_is_not_enough_and_neither_is_the_second_alone():
@@ -11,7 +11,7 @@ def test_one_act_is_not_enough_and_neither_is_the_second_alone():
     assert "unlock first" in rig.layer.arm(rig.now)
     rig.layer.unlock(rig.now)
     assert rig.layer.arm(rig.now + 0.01) == "not enough healthy cycles yet"
-    for _ in range(HEALTHY_CYCLES - 1):
+    for _ in range(19):
         rig.cycle()
     assert rig.layer.arm(rig.now) == "not enough healthy cycles yet"
     rig.cycle()
@@ -38,7 +38,7 @@ def test_unhealthy_cycles_keep_it_from_arming_and_say_why():
 
 
 def test_the_second_act_must_follow_soon_and_not_at_once():
-    for later, ok in ((0.0, False), (UNLOCKED_FOR, True), (UNLOCKED_FOR + 1e-6, False), (-1.0, False)):
+    for later, ok in ((0.0, False), (10.0, True), (10.000001, False), (-1.0, False)):
         rig = Rig()
         rig.us = 0
         rig.layer.unlock(0.0)
@@ -104,3 +104,14 @@ def test_a_pause_between_arming_and_the_first_cycle_gives_no_step(torque):
     rig.layer.disarm()
     rig.arm()
     assert rig.cycle(torque, us=11_000) == 0.0
+
+
+@pytest.mark.parametrize(("us", "ends"), [(1490, False), (1510, True)])
+def test_without_a_word_the_period_is_1_ms(us, ends):
+    """Late counts from one and a half periods on."""
+    layer, now = SafetyLayer(7.5), 5_000_000
+    layer.unlock(now / 1e6)
+    for _ in range(60):
+        now += us
+        layer.filter(0.0, REST._replace(time=now / 1e6), now / 1e6)
+    assert (layer.arm(now / 1e6) != "") is ends

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from steer_env.rig.safety import HEALTHY_CYCLES, State
-from steer_env.rig.safety_faults import FORGET, SCORE_LIMIT, LeakyScore, is_finite
+from steer_env.rig.safety_faults import SCORE_LIMIT, LeakyScore, is_finite
 from tests.rig.safety_bench import LIMITS, REST, Rig, armed
 
 BAD_NUMBERS = [math.nan, math.inf, -math.inf, None, "1.0", [1.0], 10**400, 1j]
@@ -13,7 +13,7 @@ BAD_NUMBERS = [math.nan, math.inf, -math.inf, None, "1.0", [1.0], 10**400, 1j]
 
 @pytest.mark.parametrize("bad", BAD_NUMBERS)
 def test_what_is_no_finite_number_is_never_passed(bad):
-    assert not is_finite(bad)
+    assert is_finite(bad) is False
     rig = armed()
     assert rig.cycle(bad) == 0.0
     assert rig.tripped("requested torque")
@@ -162,8 +162,8 @@ def test_angle_and_rate_must_tell_the_same():
     rig = armed()
     rig.cycle(0.0, angle=0.0)
     missing, cycles = 0.0, 0
-    while missing * math.exp(-1e-3 / FORGET) + 2e-3 <= 0.15:
-        missing = missing * math.exp(-1e-3 / FORGET) + 2e-3
+    while missing * math.exp(-1e-3 / 0.2) + 2e-3 <= 0.15:
+        missing = missing * math.exp(-1e-3 / 0.2) + 2e-3
         cycles += 1
     for _ in range(cycles):
         rig.cycle(0.0, rate=2.0)
@@ -203,6 +203,9 @@ def test_a_leaky_score_forgives_now_and_then_but_not_five_misses_on_balance():
     assert [score.broken_after(False), score.broken_after(True)] == [False, True]
     assert not any(score.broken_after(False) for _ in range(3 * SCORE_LIMIT))
     assert [score.broken_after(True) for _ in range(5)] == [False] * 4 + [True]
+    assert [LeakyScore().broken_after(True) for _ in range(3)] == [False] * 3
+    fresh = LeakyScore()
+    assert [fresh.broken_after(True) for _ in range(5)] == [False] * 4 + [True]
     assert SCORE_LIMIT == 5
 
 

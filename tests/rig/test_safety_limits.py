@@ -7,48 +7,11 @@ import numpy as np
 import pytest
 
 from steer_env.errors import InputError
-from steer_env.rig.safety import HEALTHY_CYCLES, HORIZON, WINDOW, SafetyLayer, State
-from steer_env.rig.safety_limits import Limits, Measurement, checked_limits, limits_for
+from steer_env.rig.safety import HEALTHY_CYCLES, WINDOW, SafetyLayer, State
+from steer_env.rig.safety_limits import Limits, checked_limits, limits_for
+from tests.rig.safety_clock import FAST, PERIOD, RATED, REST, Clock, armed, ask, at
 
 LSB = 1e-3  # N m, resolution of the finest protocol
-PERIOD = 1e-3
-RATED = 7.5
-# Rates are checked apart from the cap: let it be reached within a cycle. These wheels stand still under torque.
-FAST = Limits(rate_up=1e5, rate_down=1e5, window_change=50.0, frozen_torque=50.0, torque_mismatch=50.0)
-REST = Measurement(0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-class Clock:
-    """Virtual time in whole microseconds, so that no sum of periods drifts over a limit."""
-
-    def __init__(self, start_us=5_000_000):
-        self.us = start_us
-
-    def tick(self, us=1000):
-        self.us += us
-        return self.us / 1e6
-
-
-def at(clock, **changes):
-    return REST._replace(time=clock.us / 1e6, **changes)
-
-
-def armed(limits=FAST, clock=None, **options):
-    """An armed layer and its clock."""
-    layer, clock = SafetyLayer(RATED, limits, PERIOD, **options), clock or Clock()
-    layer.unlock(clock.tick())
-    for count in range(HEALTHY_CYCLES):
-        now = clock.tick()
-        changes = {"counter": count % options["counter_modulus"]} if options else {}
-        assert layer.filter(0.0, at(clock, **changes), now) == 0.0
-    assert layer.arm(clock.tick(500)) == ""
-    clock.us -= 500
-    return layer, clock
-
-
-def ask(layer, clock, torque, us=1000, **changes):
-    now = clock.tick(us)
-    return layer.filter(torque, at(clock, **changes), now)
 
 
 @pytest.mark.parametrize("cap", [0.5, 2.0, 7.5])
@@ -101,7 +64,7 @@ def test_decrease_may_be_faster_but_is_bounded_too(sign):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("start", [0.1, 0.01])
+@pytest.mark.parametrize("start", [0.1, 0.01, 0.0005])
 def test_through_zero_it_grows_no_faster_than_from_zero(sign, start):
     """Otherwise a sign change would beat the slower rate: from 0.1 N m to -0.05 at most, not to -0.1."""
     limits = FAST._replace(rate_up=50.0, rate_down=200.0)
@@ -146,6 +109,14 @@ def test_the_window_bounds_growth_within_250_ms(sign, base):
     assert given == sign * (base + 1.0)
     given = ask(layer, clock, sign * 2.0, us=1)
     assert given == pytest.approx(sign * (base + 1.1), abs=1e-6)  # what 1 us of 1e5 N m/s adds
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_from_the_other_side_the_window_counts_from_zero(sign):
+    layer, clock = armed(FAST._replace(window_change=1.0))
+    for _ in range(20):
+        ask(layer, clock, -sign * 0.5)
+    assert [ask(layer, clock, sign * 2.0) for _ in range(3)] == [sign * 1.0] * 3
 
 
 def test_just_armed_the_window_starts_at_zero():
@@ -216,55 +187,6 @@ def test_driving_torque_fades_to_zero_at_the_speed_limit(side):
         assert ask(layer, clock, -side * 2.0, rate=side * rate) == -side * 2.0
 
 
-def test_the_motor_gives_no_more_energy_than_store_and_income():
-    """A request that always drives the wheel: the work done stays within store + income t."""
-    limits = FAST._replace(energy_store=1.0, energy_income=0.5, angle_limit=30.0)
-    layer, clock = armed(limits)
-    angle, work, worked, torque = 0.0, 0.0, [], 0.0
-    for _ in range(4000):
-        angle += 5.0 * PERIOD
-        work += torque * 5.0 * PERIOD
-        torque = ask(layer, clock, 2.0, angle=angle, rate=5.0)
-        worked.append(work)
-    assert layer.state is State.ARMED
-    allowed = 1.0 + 0.5 * PERIOD * np.arange(1, 4001)
-    assert np.all(worked <= allowed)
-    assert worked[-1] > 0.9 * allowed[-1]  # and what is allowed is really given
-    assert torque == pytest.approx(0.5 / 5.0, rel=0.05)  # in the end the income alone: 0.5 W at 5 rad/s
-    assert layer.limited_by == ("energy",)
-
-
-def test_energy_taken_from_the_wheel_is_given_back_but_not_hoarded():
-    """Braking fills the store to its brim and not above."""
-    limits = FAST._replace(energy_store=1.0, energy_income=0.0, angle_limit=30.0)
-    layer, clock = armed(limits)
-    angle = 0.0
-    for _ in range(300):  # drives: 2 N m over 1.5 rad would be 3 J
-        angle += 5.0 * PERIOD
-        ask(layer, clock, 2.0, angle=angle, rate=5.0)
-    low = layer.energy
-    assert 0.0 <= low < 0.1
-    for _ in range(100):
-        angle += 5.0 * PERIOD
-        ask(layer, clock, -2.0, angle=angle, rate=5.0)
-    assert layer.energy == pytest.approx(low + 2.0 * 99 * 5.0 * PERIOD, abs=0.02)
-    for _ in range(300):
-        angle += 5.0 * PERIOD
-        ask(layer, clock, -2.0, angle=angle, rate=5.0)
-    assert layer.energy == 1.0
-
-
-def test_little_energy_bounds_the_torque_by_what_lasts_for_the_horizon():
-    layer, clock = armed(FAST)
-    layer.energy = 0.25
-    income = FAST.energy_income * PERIOD
-    assert ask(layer, clock, 2.0, rate=-4.0) == 2.0  # against the motion: free
-    assert ask(layer, clock, 2.0, rate=4.0) == pytest.approx((0.25 + 2 * income) / (4.0 * HORIZON))
-    assert layer.limited_by == ("energy",)
-    layer.energy = -1.0
-    assert ask(layer, clock, 2.0, rate=4.0) == 0.0
-
-
 def test_every_limit_yields_to_the_rate():
     """A torque that must vanish at the end stop does so at rate_down, never in a step."""
     layer, clock = brought_to(7.4, limits=FAST._replace(rate_down=200.0, rate_up=200.0))
@@ -314,6 +236,15 @@ def test_a_raised_cap_brings_rates_window_and_energy_with_it():
     assert Limits().torque_cap == 2.0
     with pytest.raises(InputError, match="rating"):
         limits_for(8.0, 7.5)
+
+
+def test_a_measurement_says_by_itself_that_it_is_sound_and_has_no_counter():
+    assert REST[5:] == (-1, True, True, False)
+
+
+def test_a_new_layer_has_no_reason_and_a_full_store():
+    layer = SafetyLayer(RATED)
+    assert (layer.state, layer.trip_reason, layer.limited_by, layer.energy) == (State.LOCKED, "", (), 6.0)
 
 
 def test_nothing_warns():
