@@ -81,7 +81,7 @@ class Moteus:
         if not 0.0 <= options.watchdog_s <= 1.0:  # not nan either, which would switch it off
             raise InputError("motor moteus", f"watchdog_s is {options.watchdog_s}", "give 0 to 1 s; 0: the drive's own")
         self.options = options
-        self._enabled = False
+        self._enabled = self._failed = False
         self._unanswered = 0
         # Any source may command the node, with or without a wish for an answer.
         commands = [source << 8 | options.node for source in range(256)]
@@ -91,14 +91,15 @@ class Moteus:
     def torque_frames(self, torque: float) -> tuple[Frame, ...]:
         """Position mode with a torque fed forward once brought up; before and after that "stopped".
 
-        A drive that is silent for a while may have lost its supply: what it hears first must not turn it on.
+        A drive that is silent for a while may have lost its supply: what it hears first must not turn it on. One that
+        reports an error, and so has no current, is only asked, because "stopped" would clear the error.
         """
         wanted = self.options.sign * checked_torque(torque, self.rated_torque)
         self._unanswered += 1
         if self._unanswered > UNANSWERED:
             self._enabled = False
         if not self._enabled:
-            return (self._frame(registers.stop_command()),)
+            return (self._frame(registers.query_command() if self._failed else registers.stop_command()),)
         return (self._frame(registers.torque_command(wanted, self.rated_torque, self.options.watchdog_s)),)
 
     def decode(self, frame: Frame) -> tuple[Message, ...]:
@@ -114,6 +115,7 @@ class Moteus:
             return (Rejected(f"no such mode {report.mode} or fault {report.fault}"),)
         sign, zero = self.options.sign, self.options.zero
         self._unanswered = 0
+        self._failed = report.mode in (registers.FAULTED, registers.TIMEOUT)
         if report.mode not in _STARTING:
             self._enabled = self._enabled and report.mode == registers.POSITION_MODE
         sample = Sample(sign * (TURN * report.position - zero), sign * TURN * report.velocity, sign * report.torque)
