@@ -102,6 +102,15 @@ class Moteus:
             return (self._frame(registers.query_command() if self._failed else registers.stop_command()),)
         return (self._frame(registers.torque_command(wanted, self.rated_torque, self.options.watchdog_s)),)
 
+    def commanded(self, frame: Frame) -> float | None:
+        """Torque fed forward of a command; zero of a stop."""
+        if frame.key not in self.command_identifiers or not frame.fd:
+            return None
+        found = registers.registers_of(frame.data)
+        if found is None or registers.MODE not in found.writes:
+            return None
+        return self.options.sign * found.writes.get(registers.TORQUE, 0.0)
+
     def decode(self, frame: Frame) -> tuple[Message, ...]:
         """Status and sample of an answer."""
         if frame.key not in self.reply_identifiers:
