@@ -264,14 +264,17 @@ def test_a_real_car_s_bus_plays_back(rav4):
         "angle_deg": (angle[0][0], angle[0][1] + angle[1][1]),
         "driver": found.signals["STEER_TORQUE_SENSOR.STEER_TORQUE_DRIVER"],
         "speed_kmh": found.signals["SPEED.SPEED"],
-        "yaw_radps": found.signals["KINEMATICS.YAW_RATE"],
+        "yaw_degps": found.signals["KINEMATICS.YAW_RATE"],
     }
     grid, even = aligned(chosen, 0.02)
     assert grid[-1] == pytest.approx(60.0, abs=0.2)
-    moving = even["speed_kmh"] > 10.0
-    # A car turns where it is steered: yaw rate over speed follows the wheel's angle, and aligned they do so in step.
-    yaw = even["yaw_radps"][moving] / even["speed_kmh"][moving]
-    assert abs(np.corrcoef(yaw, even["angle_deg"][moving])[0, 1]) > 0.9
+    # A car turns where it is steered, about 0.1 s later: seen only if both signals stand on one time. The road is nearly
+    # straight, so that the yaw rate's own step of 0.24 deg/s blurs it.
+    asked, yaw = even["angle_deg"] * even["speed_kmh"], even["yaw_degps"]
+    lags = range(0, 30)
+    match = [np.corrcoef(yaw[lag:], asked[: asked.size - lag])[0, 1] for lag in lags]
+    assert 0.04 <= 0.02 * int(np.argmax(match)) <= 0.2
+    assert max(match) > 0.75
 
 
 def test_a_damaged_real_frame_is_noticed(rav4):
