@@ -268,8 +268,8 @@ def test_a_real_car_s_bus_plays_back(rav4):
     }
     grid, even = aligned(chosen, 0.02)
     assert grid[-1] == pytest.approx(60.0, abs=0.2)
-    # A car turns where it is steered, about 0.1 s later: seen only if both signals stand on one time. The road is nearly
-    # straight, so that the yaw rate's own step of 0.24 deg/s blurs it.
+    # A car turns where it is steered, about 0.1 s later: seen only if both signals stand on one time. The road is
+    # nearly straight, so that the yaw rate's own step of 0.24 deg/s blurs it.
     asked, yaw = even["angle_deg"] * even["speed_kmh"], even["yaw_degps"]
     lags = range(0, 30)
     match = [np.corrcoef(yaw[lag:], asked[: asked.size - lag])[0, 1] for lag in lags]
