@@ -6,6 +6,7 @@ from experiments.cli_table import Entry, TableGroup
 
 SUBCOMMANDS = {
     "virtual": Entry("experiments.rig_virtual:command", "A virtual motor on a bus, as a process of its own."),
+    "configure": Entry("experiments.rig_configure:command", "Set a CANopen drive up: PDO map, mode, torque limit."),
     "check": Entry("experiments.rig_check:command", "Walk through bus, motor, calibration, timing and limits."),
     "run": Entry("experiments.rig_run:command", "Run a controller on the motor."),
     "replay": Entry("experiments.rig_replay:command", "Play a log back into the decoders."),

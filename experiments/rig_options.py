@@ -43,12 +43,17 @@ def value_of(text: str) -> int | float | str:
     return text
 
 
+settings_option = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    callback=_settings,
+    metavar="NAME=VALUE",
+    help="A setting of the motor (sign, zero, node, rated_torque, ...); may be repeated.",
+)
 _OPTIONS = (
     click.option("--motor", type=click.Choice(list(MOTORS)), default="senso_wheel", show_default=True),
-    click.option(
-        "--set", "settings", multiple=True, callback=_settings, metavar="NAME=VALUE",
-        help="A setting of the motor (sign, zero, node, rated_torque, ...); may be repeated.",
-    ),
+    settings_option,
     click.option(
         "--interface", default=INTERFACE, show_default=True, metavar="NAME",
         help="python-can's: socketcan, pcan, slcan, ...; udp_multicast stays on this computer.",

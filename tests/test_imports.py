@@ -63,6 +63,7 @@ LEAF = "experiments"  # may import everything; nobody imports it
 ONLY_IN = {
     "can": ("steer_env.rig",),
     "cantools": ("steer_env.rig",),
+    "canopen": ("steer_env.rig",),
     "torch": ("experiments",),
     "stable_baselines3": ("experiments",),
     "ray": ("experiments",),

@@ -105,6 +105,11 @@ class Bus:
             if host_time >= deadline:
                 return None
 
+    @property
+    def python_can(self) -> Any:
+        """The python-can bus itself, for configuring a drive before a run; never for torque."""
+        return self._bus
+
     def now(self) -> float:
         """The host's monotonic clock in s."""
         return time.monotonic()

@@ -87,6 +87,21 @@ def answers_of(motor, drive, readings: Readings) -> list[Frame]:
 
 
 @motors
+@settings(max_examples=30, deadline=None)
+@given(torque=st.floats(-7.5, 7.5), sign=signs)
+def test_a_command_can_be_read_back_from_its_frame(name, torque, sign):
+    """What a log's replay takes for the commanded torque; a stop commands zero, an answer nothing."""
+    motor, _ = pair(name, sign=sign)
+    brought_up = DriveStatus("off", (), "switched on")
+    motor.bring_up(brought_up)
+    read = [value for frame in motor.torque_frames(torque) if (value := motor.commanded(frame)) is not None]
+    assert read == [pytest.approx(torque, abs=RESOLUTION[name][2] + 1e-9)]
+    stopped = [value for frame in motor.stop_frames() if (value := motor.commanded(frame)) is not None]
+    assert set(stopped) == {0.0}
+    assert all(motor.commanded(Frame(key[0], bytes(8), key[1])) is None for key in motor.reply_identifiers)
+
+
+@motors
 def test_no_frame_is_made_of_a_torque_beyond_the_rating_or_not_finite(name):
     motor = make(name, **settings_of(name))
     for torque in (math.nan, math.inf, -math.inf, motor.rated_torque * 1.0001, -motor.rated_torque * 1.0001):

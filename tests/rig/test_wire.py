@@ -24,7 +24,7 @@ def test_loads_that_were_computed_elsewhere():
 
 
 def test_lengths_of_classic_frames():
-    """Field by field. 11 bits: SOF 1, id 11, RTR, IDE, r0, DLC 4, CRC 15, then 10 and 3; 29 bits: SRR, id 18, r1 more."""
+    """Field by field: SOF, id 11, RTR, IDE, r0, DLC 4, CRC 15, then 10 and 3; 29 bits: SRR, id 18, r1 more."""
     assert classic_bits(Frame(0, b""), False) == 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3 == 47
     assert classic_bits(Frame(0, bytes(8), extended=True), False) == 47 + 20 + 64
     assert classic_bits(Frame(0, bytes(8), extended=True), True) == 47 + 20 + 64 + 29

@@ -93,6 +93,13 @@ class Cia402:
         share = self.options.sign * checked_torque(torque, self.rated_torque) / self.rated_torque
         return (*self._control_frames(self._control, share), self._sync())
 
+    def commanded(self, frame: Frame) -> float | None:
+        """Torque of a PDO 1."""
+        key = (self._dbc.identifier("ReceivePdo1") + self.options.node - 1, False)
+        if frame.key != key or frame.remote or len(frame.data) != self._dbc.length("ReceivePdo1"):
+            return None
+        return self.options.sign * self._dbc.decode("ReceivePdo1", frame.data)["Torque"] * self.rated_torque
+
     def decode(self, frame: Frame) -> tuple[Message, ...]:
         """Status and sample of PDO 1; rate from PDO 2 in the next sample; emergencies and the node's state."""
         name = self._replies.get(frame.key)

@@ -28,6 +28,7 @@ from steer_env.rig.motors.motor import (
 HOST = 0  # our own identifier on the bus
 REPLY = 0x80  # set in the source: please answer
 TURN = 2.0 * math.pi
+UNANSWERED = 10  # commands without an answer after which the drive must be brought up anew
 _STATES: dict[int, DriveState] = {
     registers.STOPPED: "off",
     registers.FAULTED: "error",
@@ -37,6 +38,7 @@ _STATES: dict[int, DriveState] = {
     registers.POSITION_MODE: "on",
     registers.TIMEOUT: "error",
 }
+_STARTING = (registers.STOPPED, 2, 3, 4)  # modes on the way to the position mode
 _LAST_MODE = 15
 FAULTS = {
     32: "calibration",
@@ -79,18 +81,35 @@ class Moteus:
         if not 0.0 <= options.watchdog_s <= 1.0:  # not nan either, which would switch it off
             raise InputError("motor moteus", f"watchdog_s is {options.watchdog_s}", "give 0 to 1 s; 0: the drive's own")
         self.options = options
-        self._enabled = False
+        self._enabled = self._failed = False
+        self._unanswered = 0
         # Any source may command the node, with or without a wish for an answer.
         commands = [source << 8 | options.node for source in range(256)]
         self.command_identifiers = _keys(commands)
         self.reply_identifiers = _keys([options.node << 8 | HOST])
 
     def torque_frames(self, torque: float) -> tuple[Frame, ...]:
-        """Position mode with a torque fed forward once brought up; before and after that "stopped"."""
+        """Position mode with a torque fed forward once brought up; before and after that "stopped".
+
+        A drive that is silent for a while may have lost its supply: what it hears first must not turn it on. One that
+        reports an error, and so has no current, is only asked, because "stopped" would clear the error.
+        """
         wanted = self.options.sign * checked_torque(torque, self.rated_torque)
+        self._unanswered += 1
+        if self._unanswered > UNANSWERED:
+            self._enabled = False
         if not self._enabled:
-            return (self._frame(registers.stop_command()),)
+            return (self._frame(registers.query_command() if self._failed else registers.stop_command()),)
         return (self._frame(registers.torque_command(wanted, self.rated_torque, self.options.watchdog_s)),)
+
+    def commanded(self, frame: Frame) -> float | None:
+        """Torque fed forward of a command; zero of a stop."""
+        if frame.key not in self.command_identifiers or not frame.fd:
+            return None
+        found = registers.registers_of(frame.data)
+        if found is None or registers.MODE not in found.writes:
+            return None
+        return self.options.sign * found.writes.get(registers.TORQUE, 0.0)
 
     def decode(self, frame: Frame) -> tuple[Message, ...]:
         """Status and sample of an answer."""
@@ -104,6 +123,10 @@ class Moteus:
         if not 0 <= report.mode <= _LAST_MODE or report.fault < 0:
             return (Rejected(f"no such mode {report.mode} or fault {report.fault}"),)
         sign, zero = self.options.sign, self.options.zero
+        self._unanswered = 0
+        self._failed = report.mode in (registers.FAULTED, registers.TIMEOUT)
+        if report.mode not in _STARTING:
+            self._enabled = self._enabled and report.mode == registers.POSITION_MODE
         sample = Sample(sign * (TURN * report.position - zero), sign * TURN * report.velocity, sign * report.torque)
         checked = believed(sample)
         if isinstance(checked, Rejected):
@@ -118,7 +141,7 @@ class Moteus:
         """Stop, which clears a fault or a timeout; then position mode with zero torque."""
         if status.state == "error":
             return self._stopping()
-        self._enabled = True
+        self._enabled, self._unanswered = True, 0
         return self.torque_frames(0.0) if status.state == "off" else ()
 
     def bring_down(self, status: DriveStatus) -> tuple[Frame, ...]:

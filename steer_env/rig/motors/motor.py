@@ -84,6 +84,9 @@ class Motor(Protocol):
         Raises ValueError for a torque that is not finite or beyond ``rated_torque``.
         """
 
+    def commanded(self, frame: Frame) -> float | None:
+        """Torque in N m that a frame asks the drive for, as ``torque_frames`` wrote it; None: it asks for none."""
+
     def decode(self, frame: Frame) -> tuple[Message, ...]:
         """What a frame says: () if it is not from this drive, ``Rejected`` if it cannot be believed.
 

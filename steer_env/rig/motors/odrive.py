@@ -112,6 +112,12 @@ class Odrive:
         wanted = self.options.sign * checked_torque(torque, self.rated_torque)
         return (self._frame("SetInputTorque", Torque=wanted),)
 
+    def commanded(self, frame: Frame) -> float | None:
+        """Torque of an input torque."""
+        if frame.key != (self._base | self._dbc.identifier("SetInputTorque"), False) or len(frame.data) != 4:
+            return None
+        return self.options.sign * self._dbc.decode("SetInputTorque", frame.data)["Torque"]
+
     def decode(self, frame: Frame) -> tuple[Message, ...]:
         """A sample per encoder estimate, with the torque that came since the last one; a status per heartbeat."""
         name = self._replies.get(frame.key)

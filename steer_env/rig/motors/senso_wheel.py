@@ -95,6 +95,12 @@ class SensoWheel:
         values = {"Torque": wanted, "Friction": 0.0, "Damping": 0.0, "Stiffness": 0.0}
         return (Frame(self._dbc.identifier("NormalCommand"), self._dbc.encode("NormalCommand", values)),)
 
+    def commanded(self, frame: Frame) -> float | None:
+        """Torque of a 0x201."""
+        if frame.key != (self._dbc.identifier("NormalCommand"), False) or frame.remote or len(frame.data) != 8:
+            return None
+        return self.options.sign * self._dbc.decode("NormalCommand", frame.data)["Torque"]
+
     def decode(self, frame: Frame) -> tuple[Message, ...]:
         """A sample from 0x211, a status from 0x210."""
         if frame.key not in self.reply_identifiers:

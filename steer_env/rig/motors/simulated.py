@@ -57,6 +57,14 @@ class Simulated:
         """One command with the state last asked for."""
         return (self._command(self._request, checked_torque(torque, self.rated_torque)),)
 
+    def commanded(self, frame: Frame) -> float | None:
+        """Torque of an intact command."""
+        if frame.key not in self.command_identifiers or len(frame.data) != self._dbc.length("Command"):
+            return None
+        if not e2e.intact(frame.data, frame.identifier):
+            return None
+        return self.options.sign * self._dbc.decode("Command", frame.data)["Torque"]
+
     def decode(self, frame: Frame) -> tuple[Message, ...]:
         """Status and sample; rate and motor torque are those of the motion with the same counter."""
         name = self._replies.get(frame.key)

@@ -15,7 +15,6 @@ from steer_env.rig.virtual.drive import Drive
 from steer_env.rig.virtual.wheel import Readings
 
 _CODES = {name: code for code, name in FAULTS.items()}
-_TORQUE, _KP, _KD, _MAX_TORQUE = 0x022, 0x023, 0x024, 0x025
 
 
 class VirtualDrive(Drive):
@@ -55,7 +54,10 @@ class VirtualDrive(Drive):
         if mode == registers.STOPPED:
             self.state, self.command, self.faults = "off", 0.0, set()
         elif mode == registers.POSITION_MODE and self.state != "error":
-            gains = [writes.get(register, 1.0) for register in (_KP, _KD, registers.ILIMIT_SCALE)]
+            gains = [
+                writes.get(register, 1.0)
+                for register in (registers.KP_SCALE, registers.KD_SCALE, registers.ILIMIT_SCALE)
+            ]
             if any(gains):
                 self.trip("motor not configured")
                 return
@@ -64,8 +66,8 @@ class VirtualDrive(Drive):
             if self.state != "on":
                 self.turn_on(now)
             self.feed(now)
-            limit = writes.get(_MAX_TORQUE, math.nan)
-            torque = writes.get(_TORQUE, 0.0)
+            limit = writes.get(registers.MAX_TORQUE, math.nan)
+            torque = writes.get(registers.TORQUE, 0.0)
             self.command = torque if math.isnan(limit) else min(max(torque, -limit), limit)
 
     def _answer(self, destination: int, readings: Readings) -> Frame:
