@@ -40,11 +40,13 @@ def command(
     import steer_env.rig.rig_env  # noqa: F401  (loaded before a motor waits)
     from steer_env import atomic
     from steer_env.envs.layout import Truth
+    from steer_env.rig.recorder import Recorder
 
+    recorder = Recorder(out)
     env = gymnasium.make(
         f"steer_env/Rig-{causality.capitalize()}-v0",
         motor=motor, motor_options=settings, interface=interface, channel=channel, port=port, bitrate=bitrate,
-        torque_cap=torque_cap, watchdog=False if no_watchdog else None,
+        torque_cap=torque_cap, watchdog=False if no_watchdog else None, tap=recorder.frame,
         reference=reference, manoeuvre=manoeuvre, speed_kmh=speed_kmh, duration=duration,
     )  # fmt: skip
     inside: Any = env.unwrapped
@@ -53,7 +55,7 @@ def command(
     if arm and (yes or click.prompt(CONFIRM.format(cap=cap), default="", show_default=False, err=True) == "ARM"):
         inside.unlock()
     rows, late = [], []
-    with env, progress("rig run", inside.periods // 100, quiet) as advance:
+    with recorder, env, progress("rig run", inside.periods // 100, quiet) as advance:
         _, info = env.reset(seed=seed)
         law.reset(inside.session.pacer.period)
         while not info["ended"]:
@@ -64,7 +66,6 @@ def command(
                 advance()
         overruns, ended = info["rig"]["overruns"], info["ended"]
     signals = np.array(rows)
-    out.mkdir(parents=True, exist_ok=True)
     lines = [",".join(Truth._fields), *(",".join(f"{value:.9g}" for value in row) for row in signals)]
     path = out / "signals.csv"
     atomic.write_text(path, "\n".join(lines) + "\n")
@@ -77,5 +78,6 @@ def command(
         "late_p99_ms": 1e3 * float(np.percentile(late, 99)),
         "overruns": overruns,
         "signals": str(path),
+        "log": str(recorder.paths[0]),
     }
     print_json(result) if as_json else print_table(list(result), [list(result.values())])
