@@ -72,7 +72,7 @@ def control_process(port: int) -> None:
     from steer_env.plants import PLANTS
     from steer_env.rig import motors
     from steer_env.rig.bus import open_bus
-    from steer_env.rig.safety import State
+    from steer_env.rig.safety import SafetyLayer, State
     from steer_env.rig.safety_limits import Limits
     from steer_env.rig.session import RigSession
     from steer_env.rig.shutdown import Shutdown
@@ -82,7 +82,9 @@ def control_process(port: int) -> None:
     watchdog.start()
     # A loaded machine is late: what is looked at here is what a kill does, not what lateness does.
     patient = Limits(stale_after=0.1, longest_cycle=0.1, motion_mismatch=5.0, torque_mismatch=50.0, frozen_after=5.0)
-    session = RigSession(open_bus(**_bus(port)), motors.make(MOTOR), PLANTS["SbW"], patient, watchdog)
+    motor = motors.make(MOTOR)
+    session = RigSession(open_bus(**_bus(port)), motor, PLANTS["SbW"], patient, watchdog)
+    session.safety = SafetyLayer(motor.rated_torque, patient, period=0.1)
     Shutdown(lambda: session.stop("the program ends")).install()
     session.bring_up(20.0)
     session.arm(20.0)
