@@ -167,13 +167,13 @@ def test_a_virtual_motor_in_a_process_of_its_own_answers():
     except InputError as error:
         pytest.skip(f"no IPv6 multicast on the loopback interface here ({error})")
     command = [sys.executable, "-m", "experiments.cli", "rig", "virtual", "--motor", "senso_wheel", "--channel", group]
-    command += ["--port", str(port), "--seconds", "60", "--watchdog-ms", "1000", "--quiet"]
+    command += ["--port", str(port), "--seconds", "240", "--watchdog-ms", "1000", "--quiet"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     motor = make("senso_wheel")
     torques = []
     try:
         with bus:
-            deadline, frames, on = time.monotonic() + 60.0, motor.poll_frames(), False
+            deadline, frames, on = time.monotonic() + 240.0, motor.poll_frames(), False
             while time.monotonic() < deadline and len(torques) < 20:
                 for frame in frames:
                     bus.send(frame)
