@@ -46,8 +46,8 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
 }
 # Faults of our own program, besides those of the wire and the drive.
 HOST_FAULTS = ("host: not a number", "host: infinity", "host: huge torque", "host: stalls", "host: exception")
-# What happens behind the safety layer is bounded by the drive's own limit alone: a drive that does what it was not told,
-# and a command damaged on its way to a drive that checks nothing.
+# What happens behind the safety layer is bounded by the drive's own limit alone: a drive that does what it was not
+# told, and a command damaged on its way to a drive that checks nothing.
 BEHIND = ("torque_gain", "latched_torque", "corruption_to_drive")
 
 

@@ -81,7 +81,10 @@ def control_process(port: int) -> None:
     watchdog = Watchdog(MOTOR, {}, _bus(port))
     watchdog.start()
     # A loaded machine is late: what is looked at here is what a kill does, not what lateness does.
-    patient = Limits(stale_after=0.1, longest_cycle=0.1, motion_mismatch=5.0, torque_mismatch=50.0, frozen_after=5.0)
+    patient = Limits(
+        stale_after=0.1, longest_cycle=0.1, jump=1.0, motion_mismatch=5.0, torque_mismatch=50.0, frozen_after=5.0,
+        speed_limit=100.0, angle_limit=30.0, energy_store=500.0,
+    )  # fmt: skip
     motor = motors.make(MOTOR)
     session = RigSession(open_bus(**_bus(port)), motor, PLANTS["SbW"], patient, watchdog)
     session.safety = SafetyLayer(motor.rated_torque, patient, period=0.1)
@@ -107,7 +110,10 @@ def kill(kind: str, port: int, rng: np.random.Generator) -> Kill:
         try:
             _line(motor)
             control = _start("control_process", port)
-            watchdog = int(_line(control))
+            line = _line(control).strip()
+            if not line.isdigit():
+                raise RuntimeError(f"the control process tripped before it was killed: {line}")
+            watchdog = int(line)
             time.sleep(rng.uniform(0.0, 0.3))
             killed_at = time.monotonic()
             if kind.startswith("control"):

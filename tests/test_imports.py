@@ -69,7 +69,7 @@ ONLY_IN = {
     "ray": ("experiments",),
     "plotly": ("experiments",),
     "matplotlib": ("steer_env.envs", "experiments"),
-    "gymnasium": ("steer_env", "steer_env.envs", "steer_env.rig", "experiments"),
+    "gymnasium": ("steer_env", "steer_env.envs", "steer_env.rig", "steer_env.rig.rig_env", "experiments"),
 }
 
 
