@@ -171,10 +171,14 @@ def main(times: int, out: Path, seed: int, jobs: int, quiet: bool, as_json: bool
     """Kill processes at random and measure the time to zero torque."""
     rng = np.random.default_rng(seed)
     kills = []
-    with progress("rig_kill", times, quiet) as advance:
+    out.mkdir(parents=True, exist_ok=True)
+    with progress("rig_kill", times, quiet) as advance, open(out / "kills.csv", "w", encoding="utf-8") as kept:
+        kept.write("kind,to_zero_ms,largest_torque\n")
         for k in range(times):
             kind = KINDS[int(rng.integers(len(KINDS)))]
             kills.append(kill(kind, 44_100 + k % 800, rng))
+            kept.write(f"{kind},{kills[-1].to_zero_ms},{kills[-1].largest_torque}\n")
+            kept.flush()  # an interrupted run has told what it did
             advance(note=f"{kind}: {kills[-1].to_zero_ms}")
     rows = []
     for kind in KINDS:
@@ -186,7 +190,6 @@ def main(times: int, out: Path, seed: int, jobs: int, quiet: bool, as_json: bool
     columns = ("what", "times", "torque stayed", "p50 / ms", "max / ms", "largest / N m")
     report = Report("Killing processes of a rig", "time from the kill to zero torque, on this machine as it was loaded")
     report.text(__doc__.split("\n\n", 2)[2]).table(columns, rows)
-    out.mkdir(parents=True, exist_ok=True)
     path = report.write(out / "report.html")
     if as_json:
         print_json({"kills": [k._asdict() for k in kills], "report": str(path)})

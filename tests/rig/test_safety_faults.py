@@ -191,7 +191,7 @@ def test_a_motor_that_gives_another_torque_trips(given):
             cycles += 1
         if ends:
             assert rig.tripped("torque that it is told")
-            assert 105 <= cycles <= 130
+            assert 113 <= cycles <= 123
         else:
             assert cycles == 600, rig.layer.trip_reason
 
