@@ -1,5 +1,7 @@
 """Exactly on a limit: times and values that floats hold without rounding, so that < and <= are told apart."""
 
+import math
+
 import pytest
 
 from steer_env.rig.safety import HEALTHY_CYCLES
@@ -103,3 +105,12 @@ def test_a_measurement_that_comes_again_is_neither_a_miss_nor_a_success():
         for age in range(1, 5):
             rig.count = last % 16
             assert rig.cycle(0.5, age_us=1000 * age) != 0.0, rig.layer.trip_reason
+
+
+@pytest.mark.parametrize("excess", [0.5, -0.5])
+def test_the_motor_may_give_exactly_the_tolerance_too_much(excess):
+    """What one period leaves of the excess in the mean of 30 ms, to the last bit."""
+    share = math.exp(-PERIOD / 0.03)
+    limit = (1.0 - share) * 0.5
+    assert Finder(EXACT._replace(torque_mismatch=limit)).cycle(motor_torque=excess) == ""
+    assert "is told" in Finder(EXACT._replace(torque_mismatch=limit)).cycle(motor_torque=excess * (1.0 + 2.0**-20))
