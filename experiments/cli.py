@@ -4,27 +4,19 @@
 """
 
 import errno
-import importlib
-import importlib.util
 import traceback
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 
 from experiments.cli_options import debug_option
+from experiments.cli_table import Entry, TableGroup
 from steer_env import __version__
 from steer_env.errors import InputError
 
 FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
 # What the user can mend although Python, not we, noticed it.
 _USERS_DISK = (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM)
-
-
-class Entry(NamedTuple):
-    """Where a command is, and its line in the help (so that the help loads no command)."""
-
-    target: str
-    does: str
 
 
 COMMANDS = {
@@ -49,29 +41,10 @@ COMMANDS = {
 }
 
 
-class Program(click.Group):
+class Program(TableGroup):
     """A group that loads a command when it is named and turns exceptions into exit statuses."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Name the commands of this version, in the order in which one works."""
-        return [name for name in COMMANDS if _is_here(name)]
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands without loading them."""
-        rows = [(name, COMMANDS[name].does) for name in self.list_commands(ctx)]
-        if rows:
-            with formatter.section("Commands"):
-                formatter.write_dl(rows)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Load one command; None where there is no such name."""
-        if cmd_name not in COMMANDS:
-            return None
-        if not _is_here(cmd_name):
-            ctx.fail(f"'{cmd_name}' is not part of version {__version__}.")
-        module, attribute = COMMANDS[cmd_name].target.split(":")
-        command: click.Command = getattr(importlib.import_module(module), attribute)
-        return command
+    table = COMMANDS
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run, and say what went wrong in one message on stderr."""
@@ -91,10 +64,6 @@ class Program(click.Group):
             _stop(ctx, FAULT, _fault(error), error)
         except Exception as error:
             _stop(ctx, FAULT, _fault(error), error)
-
-
-def _is_here(name: str) -> bool:
-    return importlib.util.find_spec(COMMANDS[name].target.split(":")[0]) is not None
 
 
 def _fault(error: Exception) -> str:

@@ -18,3 +18,11 @@ for _plant, _causality in product(("EPAS", "SbW"), ("impedance", "admittance")):
         max_episode_steps=None,  # the manoeuvre ends the episode
         kwargs={"plant": _plant, "causality": _causality},
     )
+
+for _causality in ("impedance", "admittance"):
+    gymnasium.register(
+        id=f"steer_env/Rig-{_causality.capitalize()}-v0",
+        entry_point="steer_env.rig.rig_env:RigEnv",
+        max_episode_steps=None,
+        kwargs={"causality": _causality},
+    )

@@ -35,6 +35,22 @@ ALLOWED = {
     },
     "steer_env.rig": BASICS
     | {"steer_env.units", "steer_env.interface", "steer_env.physics", "steer_env.plants"},
+    # The environment on a motor is the environment: it shares the task, the layout, the control unit and the reward
+    # of those in simulation. The rest of the rig (codec, safety, watchdog, virtual motor) knows none of them.
+    **{
+        f"steer_env.rig.{name}": BASICS
+        | {
+            "steer_env.units",
+            "steer_env.interface",
+            "steer_env.physics",
+            "steer_env.plants",
+            "steer_env.manoeuvres",
+            "steer_env.envs",
+            "steer_env.rig",
+            "steer_env.rig.connection",
+        }
+        for name in ("rig_env", "connection")
+    },
     "controllers": BASICS
     | {"steer_env.units", "steer_env.interface", "steer_env.physics", "steer_env.plants"},
     "identification": BASICS
@@ -47,12 +63,13 @@ LEAF = "experiments"  # may import everything; nobody imports it
 ONLY_IN = {
     "can": ("steer_env.rig",),
     "cantools": ("steer_env.rig",),
+    "canopen": ("steer_env.rig",),
     "torch": ("experiments",),
     "stable_baselines3": ("experiments",),
     "ray": ("experiments",),
     "plotly": ("experiments",),
     "matplotlib": ("steer_env.envs", "experiments"),
-    "gymnasium": ("steer_env", "steer_env.envs", "steer_env.rig", "experiments"),
+    "gymnasium": ("steer_env", "steer_env.envs", "steer_env.rig", "steer_env.rig.rig_env", "experiments"),
 }
 
 

@@ -12,6 +12,7 @@ from steer_env.envs.layout import (
     SUBSTEPS,
     Clock,
     Episode,
+    Reward,
     Truth,
 )
 from steer_env.manoeuvres import hand_at
@@ -91,12 +92,27 @@ def set_speed(speed: float, p_row: Any, s_row: Any, table: Any, car_table: Any) 
 
 
 @scalar
-def _next_speed(speed: float, e: Episode) -> float:
+def next_speed(speed: float, e: Episode) -> float:
+    """Speed in m/s one period later."""
     if e.speed_rate > 0.0:
         return min(speed + e.speed_rate * PERIOD, max(e.speed_end, speed))
     if e.speed_rate < 0.0:
         return max(speed + e.speed_rate * PERIOD, min(e.speed_end, speed))
     return speed
+
+
+@scalar
+def reward_parts(
+    cost: float, command: float, before: float, rated_torque: float, weights: Reward
+) -> tuple[float, float, float]:
+    """(tracking, smoothness, effort) for a tracking cost, this command and the one before in N m."""
+    change = (command - before) / rated_torque
+    share = command / rated_torque
+    return (
+        -min(cost, PART_LIMIT),
+        -min(weights.smoothness * change * change, PART_LIMIT),
+        -min(weights.effort * share * share, PART_LIMIT),
+    )
 
 
 @scalar
@@ -126,7 +142,7 @@ def control_period(
     )
     episode, clock, commands = _episode(p_row), _load_clock(s_row), _load_commands(s_row)
     k = int(clock.period)
-    speed = _next_speed(clock.speed, episode)
+    speed = next_speed(clock.speed, episode)
     if speed != clock.speed:
         set_speed(speed, p_row, s_row, table, car_table)
     reference, car = _load_reference(s_row), _load_car(s_row)
@@ -174,9 +190,7 @@ def control_period(
     _store_commands(s_row, commands)
     _store_clock(s_row, Clock(k + 1.0, speed, observation.reference))
 
-    weights = _reward(p_row)
-    change = (limited - commands.last_2) / motor.rated_torque
-    share = limited / motor.rated_torque
+    tracking, smoothness, effort = reward_parts(cost, limited, commands.last_2, motor.rated_torque, _reward(p_row))
     track = plant.track_of(x)
     unstable = abs(x.steering_rate) > RATE_LIMIT or abs(x.pinion_rate) > RATE_LIMIT or abs(M_tb) > TORQUE_LIMIT
     truth = Truth(
@@ -195,9 +209,9 @@ def control_period(
         lateral_acceleration(track, single_track_of(car)),
         ideal,
         error,
-        -min(cost, PART_LIMIT),
-        -min(weights.smoothness * change * change, PART_LIMIT),
-        -min(weights.effort * share * share, PART_LIMIT),
+        tracking,
+        smoothness,
+        effort,
         1.0 if unstable or math.isnan(x.pinion_rate) else 0.0,
     )
     return observation, truth
