@@ -1,0 +1,247 @@
+"""A learned policy: a small network that gives the motor torque, or a correction of a classical law's.
+
+    torque = base law's command + authority * action,   action = network(signals) in [-1, 1]
+
+The base law runs in every period; the network acts every ``decimation`` periods and its action is held
+between (``experiments.train`` trains it in exactly this arrangement, with ``signals_of`` and
+``remembered`` below). Signals are divided by what they are worth in the training domain, cut at
+SIGNAL_LIMIT, and given once as they are and once times the speed's deviation from its mean:
+
+    h = tanh(s W_1 + s v W_2),   h' = tanh(h W_3),   action = h' w
+
+so that weights are straight in speed, and without any offset: a left turn is a right turn, and at rest
+nothing is commanded, whatever was learned. Weights and their description lie in two files
+(controllers.policy_file); what is shipped lies in controllers/policies. ``controllers.make("policy:FOLDER", ...)``
+takes what ``steer-env train`` wrote.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+import controllers
+from controllers import policy_file
+from controllers.law import Factor, Gain, LawController, with_gains
+from controllers.policy_file import Policy
+from steer_env.errors import InputError
+from steer_env.interface import Law, Observation
+from steer_env.physics._jit import compiled, named, scalar
+from steer_env.plants import Plant, Reference
+from steer_env.units import Quantity
+
+SIGNAL_LIMIT = 10.0  # times a signal's scale
+# What a trained policy may be tuned in afterwards.
+TUNABLE: dict[str, tuple[float, float]] = {"authority": (0.2, 1.5)}
+
+
+class Signals(NamedTuple):
+    """What the network sees, SI; the speed comes beside it.
+
+    ``error`` is reference minus torsion-bar torque (N m) or pinion angle (rad), ``error_change`` that
+    since the network's last step, ``error_sum`` a sum over those steps that leaks; ``command`` is the base
+    law's torque in N m; ``action_1`` to ``_4`` are the network's own last actions, newest first.
+    """
+
+    error: float
+    pinion_angle: float
+    pinion_rate: float
+    pinion_acceleration: float
+    torsion_bar_torque: float
+    reference: float
+    reference_rate: float
+    reference_acceleration: float
+    effective_torque: float
+    last_torque_1: float
+    error_change: float
+    error_sum: float
+    command: float
+    action_1: float
+    action_2: float
+    action_3: float
+    action_4: float
+
+
+class Memory(NamedTuple):
+    """Between two steps of the network: its last actions, newest first (the first is held), and the error."""
+
+    action_1: float = 0.0
+    action_2: float = 0.0
+    action_3: float = 0.0
+    action_4: float = 0.0
+    error: float = 0.0
+    error_sum: float = 0.0
+
+
+class PolicyParameters(NamedTuple):
+    """Base law's parameters, network, and how its action acts."""
+
+    base: Any  # parameters of the base law
+    gains: Any  # float64 [17], one over the scale of each signal, 0 for one that is not shown
+    first: Any  # float64 [34, n]: W_1 over W_2
+    second: Any  # float64 [n, m]: W_3
+    last: Any  # float64 [m]: w
+    authority: Annotated[float, Quantity("N m", "torque of an action of 1, at the motor", 0.0, 50.0, "training")]
+    decimation: Annotated[float, Quantity("periods", "from one step of the network to the next", 1, 100, "training")]
+    admittance: Annotated[float, Quantity("-", "1 admittance, 0 impedance", 0, 1, "the loop's own")]
+    squashed: Annotated[float, Quantity("-", "1 tanh of the network's output, 0 cut at +-1", 0, 1, "training")]
+    keep: Annotated[float, Quantity("-", "what error_sum keeps over a step", 0.0, 1.0, "training")]
+    mean_speed: Annotated[float, Quantity("m/s", "taken from the speed", 0.0, 120.0, "training")]
+    speed_scale: Annotated[float, Quantity("m/s", "and this divides the rest", 0.1, 120.0, "training")]
+
+
+class PolicyState(NamedTuple):
+    """Base law's state, periods since the network acted, and its memory."""
+
+    base: Any
+    tick: float = 0.0
+    memory: Memory = Memory()
+
+
+@scalar
+def signals_of(o: Observation, command: float, m: Memory, p: Any) -> Signals:
+    """What the network sees; ``command`` in N m is the base law's for this period."""
+    error = o.reference - (o.pinion_angle if p.admittance > 0.5 else o.torsion_bar_torque)
+    return Signals(
+        error,
+        o.pinion_angle,
+        o.pinion_rate,
+        o.pinion_acceleration,
+        o.torsion_bar_torque,
+        o.reference,
+        o.reference_rate,
+        o.reference_acceleration,
+        o.effective_torque,
+        o.last_torque_1,
+        error - m.error,
+        p.keep * m.error_sum + error,
+        command,
+        m.action_1,
+        m.action_2,
+        m.action_3,
+        m.action_4,
+    )
+
+
+@scalar
+def remembered(m: Memory, signals: Signals, action: float) -> Memory:
+    """The memory after the network's step: ``action`` is the one that is held from now on."""
+    return Memory(action, m.action_1, m.action_2, m.action_3, signals.error, signals.error_sum)
+
+
+@compiled
+def network(signals: Signals, speed: float, gains: Any, first: Any, second: Any, last: Any) -> float:
+    """Output of the network for signals and the speed's deviation in scales; sums run in the order written."""
+    n, m, count = second.shape[0], second.shape[1], gains.size
+    sums = np.zeros(n)
+    for k in range(count):
+        share = min(max(signals[k] * gains[k], -SIGNAL_LIMIT), SIGNAL_LIMIT)
+        timed = share * speed
+        for j in range(n):
+            sums[j] += share * first[k, j] + timed * first[count + k, j]
+    more = np.zeros(m)
+    for k in range(n):
+        hidden = math.tanh(sums[k])
+        for j in range(m):
+            more[j] += hidden * second[k, j]
+    output = 0.0
+    for k in range(m):
+        output += math.tanh(more[k]) * last[k]
+    return output
+
+
+@scalar
+def action_of(signals: Signals, speed: float, p: PolicyParameters) -> float:
+    """The network's action in [-1, 1]; ``speed`` in m/s."""
+    deviation = (speed - p.mean_speed) / p.speed_scale
+    output = network(signals, deviation, p.gains, p.first, p.second, p.last)
+    return math.tanh(output) if p.squashed > 0.5 else min(max(output, -1.0), 1.0)
+
+
+@scalar
+def silent_law(o: Observation, x: Any, p: Any) -> tuple[float, Any]:
+    """The base of a policy that gives the whole torque: nothing."""
+    return 0.0, x
+
+
+@cache
+def corrected(base: Law) -> Law:
+    """A law whose command a network corrects."""
+
+    def law(o: Observation, x: PolicyState, p: PolicyParameters) -> tuple[float, PolicyState]:
+        command, state = base(o, x.base, p.base)
+        memory = x.memory
+        if x.tick < 0.5:
+            signals = signals_of(o, command, memory, p)
+            memory = remembered(memory, signals, action_of(signals, o.speed, p))
+        tick = x.tick + 1.0
+        if tick > p.decimation - 0.5:
+            tick = 0.0
+        return command + p.authority * memory.action_1, PolicyState(state, tick, memory)
+
+    return scalar(named(law, base.__module__, base))
+
+
+class PolicyController(LawController):
+    """A LawController whose law repeats itself only every ``decimation`` periods."""
+
+    def __init__(self, law: Law, design: Callable[[float], Any], start: Any, policy: Policy) -> None:
+        self.policy = policy
+        super().__init__(law, design, start)
+
+    @property
+    def decimation(self) -> int:
+        """Control periods from one step of the network to the next."""
+        return round(self.parameters.decimation)
+
+
+def base_of(policy: Policy, plant: Plant, reference: Reference) -> LawController | None:
+    """The classical law under a policy, with the gains that it was trained over; None where there is none."""
+    if policy.base is None:
+        return None
+    gains: dict[str, Gain] = {name: Factor(share) for name, share in policy.base_gains.items()}
+    made = controllers.make(policy.base, plant, reference, policy.causality, tuned=False, **gains)
+    assert isinstance(made, LawController), policy.base
+    return made
+
+
+def make(
+    plant: Plant, reference: Reference, causality: str, folder: str | Path | None = None, **gains: Gain
+) -> PolicyController:
+    """The policy in a folder, or the one that is shipped for this plant and causality."""
+    policy = policy_file.shipped(plant.name, causality) if folder is None else policy_file.load(Path(folder))
+    if policy.causality != causality:
+        raise InputError(policy.source, f"it was trained for {policy.causality}", f"use it there, not for {causality}")
+    base = base_of(policy, plant, reference)
+
+    def for_period(period: float) -> PolicyParameters:
+        decimation = round(policy.sample_time / period)
+        if decimation < 1 or abs(decimation * period - policy.sample_time) > 1e-6 * policy.sample_time:
+            what = f"its step of {1e3 * policy.sample_time:g} ms is no multiple of {1e3 * period:g} ms"
+            raise InputError(policy.source, what, "choose another control period")
+        if base is not None:
+            base.reset(period)
+        parameters = PolicyParameters(
+            base=0.0 if base is None else base.parameters,
+            gains=np.array([0.0 if scale is None else 1.0 / scale for scale in policy.scales]),
+            first=policy.weights["first"],
+            second=policy.weights["second"],
+            last=policy.weights["last"],
+            authority=policy.authority,
+            decimation=float(decimation),
+            admittance=1.0 if causality == "admittance" else 0.0,
+            squashed=1.0 if policy.squashed else 0.0,
+            keep=policy.keep,
+            mean_speed=policy.mean_speed,
+            speed_scale=policy.speed_scale,
+        )
+        return with_gains(parameters, gains, "policy")
+
+    law = corrected(silent_law if base is None else base.law)
+    start = PolicyState(0.0 if base is None else base.state())
+    return PolicyController(law, for_period, start, policy)
