@@ -1,9 +1,10 @@
 """A learned policy: a small network that gives the motor torque, or a correction of a classical law's.
 
-    torque = base law's command + authority * action,   action = network(signals) in [-1, 1]
+    torque = base law's command + authority * smooth(action),   action = network(signals) in [-1, 1]
 
-The base law runs in every period; the network acts every ``decimation`` periods and its action is held
-between (``experiments.train`` trains it in exactly this arrangement, with ``signals_of`` and
+The base law runs in every period; the network acts every ``decimation`` periods. Its action is held between,
+then a first-order lag smooths the steps and, where the torsion bar's mode is too fast to be damped, the
+same notch as in the other laws keeps them off it: without both, what a learner tries out shakes the wheel (``experiments.train`` trains it in exactly this arrangement, with ``signals_of`` and
 ``remembered`` below). Signals are divided by what they are worth in the training domain, cut at
 SIGNAL_LIMIT, and given once as they are and once times the speed's deviation from its mean:
 
@@ -27,6 +28,8 @@ import numpy as np
 
 import controllers
 from controllers import policy_file
+from controllers.blocks import Notch, NotchState, notch_step
+from controllers.hardware import bar_notch
 from controllers.law import Factor, Gain, LawController, with_gains
 from controllers.policy_file import Policy
 from steer_env.errors import InputError
@@ -68,7 +71,7 @@ class Signals(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Between two steps of the network: its last actions, newest first (the first is held), and the error."""
+    """The network's last actions, newest first (the first is held), the error, and the smoothed action."""
 
     action_1: float = 0.0
     action_2: float = 0.0
@@ -76,6 +79,9 @@ class Memory(NamedTuple):
     action_4: float = 0.0
     error: float = 0.0
     error_sum: float = 0.0
+    smooth: float = 0.0
+    z1: float = 0.0
+    z2: float = 0.0
 
 
 class PolicyParameters(NamedTuple):
@@ -93,6 +99,8 @@ class PolicyParameters(NamedTuple):
     keep: Annotated[float, Quantity("-", "what error_sum keeps over a step", 0.0, 1.0, "training")]
     mean_speed: Annotated[float, Quantity("m/s", "taken from the speed", 0.0, 120.0, "training")]
     speed_scale: Annotated[float, Quantity("m/s", "and this divides the rest", 0.1, 120.0, "training")]
+    lag: Annotated[float, Quantity("-", "what the smoothing keeps over a period", 0.0, 1.0, "training")]
+    notch: Notch = Notch()
 
 
 class PolicyState(NamedTuple):
@@ -131,7 +139,24 @@ def signals_of(o: Observation, command: float, m: Memory, p: Any) -> Signals:
 @scalar
 def remembered(m: Memory, signals: Signals, action: float) -> Memory:
     """The memory after the network's step: ``action`` is the one that is held from now on."""
-    return Memory(action, m.action_1, m.action_2, m.action_3, signals.error, signals.error_sum)
+    return Memory(
+        action, m.action_1, m.action_2, m.action_3, signals.error, signals.error_sum, m.smooth, m.z1, m.z2
+    )
+
+
+@scalar
+def smoothed(m: Memory, p: Any) -> tuple[float, Memory]:
+    """(The held action after lag and notch, memory) one control period on."""
+    smooth = m.action_1 + p.lag * (m.smooth - m.action_1)
+    value, notched = notch_step(smooth, NotchState(m.z1, m.z2), p.notch)
+    return value, Memory(
+        m.action_1, m.action_2, m.action_3, m.action_4, m.error, m.error_sum, smooth, notched.z1, notched.z2
+    )
+
+
+def lag_of(bandwidth_Hz: float, period: float) -> float:
+    """What a first-order lag keeps over a period in s; 0 Hz: no lag at all."""
+    return math.exp(-2.0 * math.pi * bandwidth_Hz * period) if bandwidth_Hz > 0.0 else 0.0
 
 
 @compiled
@@ -182,7 +207,8 @@ def corrected(base: Law) -> Law:
         tick = x.tick + 1.0
         if tick > p.decimation - 0.5:
             tick = 0.0
-        return command + p.authority * memory.action_1, PolicyState(state, tick, memory)
+        action, memory = smoothed(memory, p)
+        return command + p.authority * action, PolicyState(state, tick, memory)
 
     return scalar(named(law, base.__module__, base))
 
@@ -239,6 +265,8 @@ def make(
             keep=policy.keep,
             mean_speed=policy.mean_speed,
             speed_scale=policy.speed_scale,
+            lag=lag_of(policy.bandwidth_Hz, period),
+            notch=bar_notch(plant, period),
         )
         return with_gains(parameters, gains, "policy")
 

@@ -43,6 +43,7 @@ class Policy:
         gives the whole torque.
     authority: N m at the motor that an action of 1 stands for.
     sample_time: s from one step of the network to the next.
+    bandwidth_Hz: of the lag that smooths the held action; 0: none.
     scales: what divides each signal, SI; None hides the signal.
     history: how many of its own last actions the network sees.
     training: where it comes from (seed, task, steps, versions ...), as plain values.
@@ -55,6 +56,7 @@ class Policy:
     base_gains: dict[str, float]
     authority: float
     sample_time: float
+    bandwidth_Hz: float
     squashed: bool
     scales: tuple[float | None, ...]
     keep: float
@@ -134,7 +136,7 @@ def _check(policy: Policy, weights: Mapping[str, Array], path: Path) -> None:
     n, m = shapes.get("second", (0, 0)) if len(shapes.get("second", ())) == 2 else (0, 0)
     if set(weights) != set(NAMES) or shapes["first"] != (2 * N_SIGNALS, n) or shapes["last"] != (m,) or not n * m:
         raise InputError(str(path), f"weights of shapes {shapes} do not fit {N_SIGNALS} signals", MEND)
-    numbers = [policy.authority, policy.sample_time, policy.keep, policy.mean_speed, policy.speed_scale]
+    numbers = [policy.authority, policy.sample_time, policy.keep, policy.mean_speed, policy.speed_scale, policy.bandwidth_Hz]
     numbers += [1.0 if scale is None else scale for scale in policy.scales]
     try:
         sound = all(math.isfinite(value) for value in numbers) and policy.sample_time > 0.0

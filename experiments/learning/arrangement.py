@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import controllers
 from controllers import policy, tuning
+from controllers.hardware import bar_notch
 from controllers.law import Factor
 from controllers.policy import Signals
 from experiments.learning.config import FULL_TORQUE, TrainConfig
@@ -67,8 +68,9 @@ class Arrangement:
     def compiled(self, k: int) -> tuple[Callable[..., int], Callable[..., None], Acting]:
         """(Step, start, what they need to know of the policy) of the k-th reference."""
         admittance = 1.0 if self.config.causality == "admittance" else 0.0
-        rated = PLANTS[self.config.plant].motor.rated_torque
-        acting = Acting(self.laws[k].parameters, self.measured.authority, admittance, self.keep, rated)
+        plant, lag = PLANTS[self.config.plant], policy.lag_of(self.config.action.bandwidth_Hz, PERIOD)
+        rated, notch = plant.motor.rated_torque, bar_notch(plant, PERIOD)
+        acting = Acting(self.laws[k].parameters, self.measured.authority, admittance, self.keep, rated, lag, notch)
         return (*self._compiled, acting)
 
 

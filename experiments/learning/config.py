@@ -35,13 +35,14 @@ class Action:
 
     base: the classical law that it corrects, or "none": it gives the whole torque. authority: what an
     action of 1 is worth, in rms of the base's torque over the training domain (of pid's where there is none).
-    decimation: control periods for each step of the policy. history: how many of its own actions it sees (0:
+    decimation: control periods for each step of the policy. bandwidth_Hz: of the lag behind it. history: how many of its own actions it sees (0:
     no past commands at all).
     """
 
     base: str = "pid"
-    authority: float = 0.5
+    authority: float = 0.3
     decimation: int = 5
+    bandwidth_Hz: float = 20.0
     history: int = 4
 
 

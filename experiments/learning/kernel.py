@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.policy import Memory, remembered, signals_of
+from controllers.blocks import Notch
+from controllers.policy import Memory, remembered, signals_of, smoothed
 from experiments.learning.records import nested_loader, nested_storer
 from experiments.measures import JND
 from steer_env.envs.layout import PERIOD, Truth
@@ -49,6 +50,8 @@ class Acting(NamedTuple):
     admittance: float
     keep: float
     rated_torque: float
+    lag: float
+    notch: Notch
 
 
 class Rows(NamedTuple):
@@ -58,7 +61,7 @@ class Rows(NamedTuple):
     states: Array  # [n, s]
     lines: Array  # [n, 4, 16]
     base: Array  # [n, b] state of the base law
-    memory: Array  # [n, 6]
+    memory: Array  # [n, 9]
     judged: Array  # [n, 5]
     observations: Array  # [n, 13], SI
     commands: Array  # [n] the base law's next torque in N m
@@ -122,8 +125,9 @@ def make_step(law: Law, state: Any) -> tuple[Callable[..., int], Callable[..., N
             for j in range(decimation):
                 if j > 0:
                     command, base = law(o, base, p.base)
+                smooth, memory = smoothed(memory, p)
                 o, truth = control_period(
-                    command + p.authority * action, noise[i, j, 0], noise[i, j, 1],
+                    command + p.authority * smooth, noise[i, j, 0], noise[i, j, 1],
                     rows.parameters[i], rows.states[i], rows.lines[i], table, car_table,
                 )  # fmt: skip
                 tracking, passivity, judged = judged_after(truth, judged, p.admittance)

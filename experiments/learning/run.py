@@ -102,6 +102,7 @@ class Run:
             base_gains=base_gains(config),
             authority=scales.authority,
             sample_time=round(config.action.decimation * PERIOD, 9),
+            bandwidth_Hz=config.action.bandwidth_Hz,
             squashed=config.learning.algorithm != "ppo",
             scales=scales.scales,
             keep=self.arrangement.keep,
