@@ -69,9 +69,9 @@ class Learning:
 
     algorithm: str = "ppo"
     environments: int = 64
-    steps: int = 3_000_000
+    steps: int = 1_000_000
     hidden: tuple[int, int] = (32, 32)
-    learning_rate: float = 5e-4
+    learning_rate: float = 1e-3
     batch: int = 1024
     gamma: float = 0.95
     rollout: int = 128
