@@ -1,10 +1,12 @@
 """A learned policy: a small network that gives the motor torque, or a correction of a classical law's.
 
-    torque = base law's command + authority * smooth(action),   action = network(signals) in [-1, 1]
+    torque = base law's command + relief * authority * smooth(action),   action = network(signals) in [-1, 1]
 
 The base law runs in every period; the network acts every ``decimation`` periods. Its action is held between,
 then a first-order lag smooths the steps and, where the torsion bar's mode is too fast to be damped, the
-same notch as in the other laws keeps them off it: without both, what a learner tries out shakes the wheel (``experiments.train`` trains it in exactly this arrangement, with ``signals_of`` and
+same notch as in the other laws keeps them off it: without both, what a learner tries out shakes the wheel.
+In admittance the loop's gain grows with the slope of the assist: beyond ``slope_limit`` the action acts in inverse
+proportion to it (relief), so that what was learned on centre does not shake where the assist is steep (``experiments.train`` trains it in exactly this arrangement, with ``signals_of`` and
 ``remembered`` below). Signals are divided by what they are worth in the training domain, cut at
 SIGNAL_LIMIT, and given once as they are and once times the speed's deviation from its mean:
 
@@ -28,10 +30,11 @@ import numpy as np
 
 import controllers
 from controllers import policy_file
-from controllers.blocks import Notch, NotchState, notch_step
+from controllers.blocks import Notch, NotchState, assist_slope, notch_step
 from controllers.hardware import bar_notch
 from controllers.law import Factor, Gain, LawController, with_gains
 from controllers.policy_file import Policy
+from controllers.schedule import felt_at, schedule_of
 from steer_env.errors import InputError
 from steer_env.interface import Law, Observation
 from steer_env.physics._jit import compiled, named, scalar
@@ -99,6 +102,8 @@ class PolicyParameters(NamedTuple):
     keep: Annotated[float, Quantity("-", "what error_sum keeps over a step", 0.0, 1.0, "training")]
     mean_speed: Annotated[float, Quantity("m/s", "taken from the speed", 0.0, 120.0, "training")]
     speed_scale: Annotated[float, Quantity("m/s", "and this divides the rest", 0.1, 120.0, "training")]
+    schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
+    slope_limit: Annotated[float, Quantity("-", "assist slope beyond which it yields", 0.1, 1e6, "training")]
     lag: Annotated[float, Quantity("-", "what the smoothing keeps over a period", 0.0, 1.0, "training")]
     notch: Notch = Notch()
 
@@ -152,6 +157,14 @@ def smoothed(m: Memory, p: Any) -> tuple[float, Memory]:
     return value, Memory(
         m.action_1, m.action_2, m.action_3, m.action_4, m.error, m.error_sum, smooth, notched.z1, notched.z2
     )
+
+
+@scalar
+def relief(o: Observation, p: Any) -> float:
+    """Share of the action that acts: less where the assist is steep, in admittance."""
+    if p.admittance < 0.5:
+        return 1.0
+    return min(p.slope_limit / assist_slope(o.torsion_bar_torque, felt_at(o.speed, p.schedule)), 1.0)
 
 
 def lag_of(bandwidth_Hz: float, period: float) -> float:
@@ -208,7 +221,7 @@ def corrected(base: Law) -> Law:
         if tick > p.decimation - 0.5:
             tick = 0.0
         action, memory = smoothed(memory, p)
-        return command + p.authority * action, PolicyState(state, tick, memory)
+        return command + relief(o, p) * p.authority * action, PolicyState(state, tick, memory)
 
     return scalar(named(law, base.__module__, base))
 
@@ -265,6 +278,8 @@ def make(
             keep=policy.keep,
             mean_speed=policy.mean_speed,
             speed_scale=policy.speed_scale,
+            schedule=schedule_of(reference),
+            slope_limit=policy.slope_limit,
             lag=lag_of(policy.bandwidth_Hz, period),
             notch=bar_notch(plant, period),
         )

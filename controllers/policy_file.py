@@ -28,6 +28,7 @@ from steer_env.errors import InputError
 SCHEMA_VERSION = 1
 SHIPPED = Path(__file__).with_name("policies")
 WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
+PREFIX = "policy"
 N_SIGNALS = 17  # fields of policy.Signals
 NAMES = ("first", "second", "last")
 MEND = "write one by steer-env train"
@@ -45,6 +46,7 @@ class Policy:
     sample_time: s from one step of the network to the next.
     bandwidth_Hz: of the lag that smooths the held action; 0: none.
     scales: what divides each signal, SI; None hides the signal.
+    slope_limit: slope of the assist beyond which the action is taken back (admittance).
     history: how many of its own last actions the network sees.
     training: where it comes from (seed, task, steps, versions ...), as plain values.
     weights: float64 "first" [34, n], "second" [n, m], "last" [m].
@@ -62,6 +64,7 @@ class Policy:
     keep: float
     mean_speed: float
     speed_scale: float
+    slope_limit: float
     history: int
     training: dict[str, Any]
     weights: Mapping[str, Array] = field(repr=False)
@@ -106,6 +109,17 @@ def shipped(plant: str, causality: str) -> Policy:
     return load(there[name])
 
 
+def is_policy(name: str) -> bool:
+    """Whether a controller's name is "policy" (the shipped one) or policy:FOLDER."""
+    return name == PREFIX or name.startswith(f"{PREFIX}:")
+
+
+def folder_of(name: str) -> Path | None:
+    """The folder of policy:FOLDER, also inside of a wrapper's name; None for any other name."""
+    _, found, folder = name.partition(f"{PREFIX}:")
+    return Path(folder).expanduser().resolve() if found else None
+
+
 @cache
 def _load(folder: Path, *changed: int) -> Policy:
     path, where = folder / DESCRIPTION, str(folder / WEIGHTS)
@@ -136,7 +150,7 @@ def _check(policy: Policy, weights: Mapping[str, Array], path: Path) -> None:
     n, m = shapes.get("second", (0, 0)) if len(shapes.get("second", ())) == 2 else (0, 0)
     if set(weights) != set(NAMES) or shapes["first"] != (2 * N_SIGNALS, n) or shapes["last"] != (m,) or not n * m:
         raise InputError(str(path), f"weights of shapes {shapes} do not fit {N_SIGNALS} signals", MEND)
-    numbers = [policy.authority, policy.sample_time, policy.keep, policy.mean_speed, policy.speed_scale, policy.bandwidth_Hz]
+    numbers = [policy.authority, policy.sample_time, policy.keep, policy.mean_speed, policy.speed_scale, policy.bandwidth_Hz, policy.slope_limit]
     numbers += [1.0 if scale is None else scale for scale in policy.scales]
     try:
         sound = all(math.isfinite(value) for value in numbers) and policy.sample_time > 0.0

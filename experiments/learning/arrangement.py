@@ -18,6 +18,7 @@ from controllers import policy, tuning
 from controllers.hardware import bar_notch
 from controllers.law import Factor
 from controllers.policy import Signals
+from controllers.schedule import schedule_of
 from experiments.learning.config import FULL_TORQUE, TrainConfig
 from experiments.learning.domain import Drawer
 from experiments.learning.kernel import Acting, make_step
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 MEAN_SPEED, SPEED_SCALE = 17.0, 8.0  # m/s; the published reference goes from 4 to 29
 SUM_MEMORY = 0.3  # s that error_sum keeps
 TEACHER = "pid"  # whose torque sets scales and authority where there is no base law
-PAST = ("last_torque_1", "action_1", "action_2", "action_3", "action_4")
+PAST = ("action_1", "action_2", "action_3", "action_4")
 
 
 class BaseLaw(NamedTuple):
@@ -70,7 +71,10 @@ class Arrangement:
         admittance = 1.0 if self.config.causality == "admittance" else 0.0
         plant, lag = PLANTS[self.config.plant], policy.lag_of(self.config.action.bandwidth_Hz, PERIOD)
         rated, notch = plant.motor.rated_torque, bar_notch(plant, PERIOD)
-        acting = Acting(self.laws[k].parameters, self.measured.authority, admittance, self.keep, rated, lag, notch)
+        schedule, limit = schedule_of(self.drawers[k].reference), self.config.action.slope_limit
+        acting = Acting(
+            self.laws[k].parameters, self.measured.authority, admittance, self.keep, rated, schedule, limit, lag, notch
+        )
         return (*self._compiled, acting)
 
 
@@ -95,8 +99,7 @@ def base_law(config: TrainConfig, reference: Reference) -> BaseLaw:
 
 def visible(config: TrainConfig, rms: Array) -> tuple[float | None, ...]:
     """Scales out of the signals' rms [17]: None for what never moves and for a past that is not to be seen."""
-    h = config.action.history
-    hidden = set(PAST[1 + h :]) if h else set(PAST)
+    hidden = set(PAST[config.action.history :])
     if config.action.base == FULL_TORQUE:
         hidden.add("command")
     scales: list[float | None] = []

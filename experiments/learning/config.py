@@ -35,15 +35,16 @@ class Action:
 
     base: the classical law that it corrects, or "none": it gives the whole torque. authority: what an
     action of 1 is worth, in rms of the base's torque over the training domain (of pid's where there is none).
-    decimation: control periods for each step of the policy. bandwidth_Hz: of the lag behind it. history: how many of its own actions it sees (0:
-    no past commands at all).
+    decimation: control periods for each step of the policy. bandwidth_Hz: of the lag behind it. slope_limit: slope of
+    the assist beyond which an admittance policy yields. history: how many of its own last actions it sees.
     """
 
     base: str = "pid"
     authority: float = 0.3
     decimation: int = 5
     bandwidth_Hz: float = 20.0
-    history: int = 4
+    slope_limit: float = 4.0
+    history: int = 0
 
 
 class RewardWeights(NamedTuple):
@@ -56,7 +57,7 @@ class RewardWeights(NamedTuple):
     """
 
     tracking: float = 1.0
-    smoothness: float = 0.1
+    smoothness: float = 0.3
     passivity: float = 0.05
     effort: float = 0.01
 

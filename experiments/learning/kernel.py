@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.blocks import Notch
-from controllers.policy import Memory, remembered, signals_of, smoothed
+from controllers.policy import Memory, relief, remembered, signals_of, smoothed
 from experiments.learning.records import nested_loader, nested_storer
 from experiments.measures import JND
 from steer_env.envs.layout import PERIOD, Truth
@@ -50,6 +50,8 @@ class Acting(NamedTuple):
     admittance: float
     keep: float
     rated_torque: float
+    schedule: Array
+    slope_limit: float
     lag: float
     notch: Notch
 
@@ -127,7 +129,7 @@ def make_step(law: Law, state: Any) -> tuple[Callable[..., int], Callable[..., N
                     command, base = law(o, base, p.base)
                 smooth, memory = smoothed(memory, p)
                 o, truth = control_period(
-                    command + p.authority * smooth, noise[i, j, 0], noise[i, j, 1],
+                    command + relief(o, p) * p.authority * smooth, noise[i, j, 0], noise[i, j, 1],
                     rows.parameters[i], rows.states[i], rows.lines[i], table, car_table,
                 )  # fmt: skip
                 tracking, passivity, judged = judged_after(truth, judged, p.admittance)

@@ -108,6 +108,7 @@ class Run:
             keep=self.arrangement.keep,
             mean_speed=self.arrangement.mean_speed,
             speed_scale=self.arrangement.speed_scale,
+            slope_limit=config.action.slope_limit,
             history=config.action.history,
             training=training,
             weights=weights_of(self.agent),
