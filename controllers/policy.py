@@ -5,10 +5,12 @@
 The base law runs in every period; the network acts every ``decimation`` periods. Its action is held between,
 then a first-order lag smooths the steps and, where the torsion bar's mode is too fast to be damped, the
 same notch as in the other laws keeps them off it: without both, what a learner tries out shakes the wheel.
-In admittance the loop's gain grows with the slope of the assist: beyond ``slope_limit`` the action acts in inverse
-proportion to it (relief), so that what was learned on centre does not shake where the assist is steep (``experiments.train`` trains it in exactly this arrangement, with ``signals_of`` and
-``remembered`` below). Signals are divided by what they are worth in the training domain, cut at
-SIGNAL_LIMIT, and given once as they are and once times the speed's deviation from its mean:
+In admittance the loop's gain grows with the slope of the assist: beyond ``slope_limit`` the action acts in
+inverse proportion to it (relief), so that what was learned on centre does not shake where the assist is steep.
+``experiments.train`` trains it in exactly this arrangement, with the functions below.
+
+Signals are divided by what they are worth in the training domain, cut at SIGNAL_LIMIT, and given once as
+they are and once times the speed's deviation from its mean:
 
     h = tanh(s W_1 + s v W_2),   h' = tanh(h W_3),   action = h' w
 
@@ -256,6 +258,11 @@ def make(
     policy = policy_file.shipped(plant.name, causality) if folder is None else policy_file.load(Path(folder))
     if policy.causality != causality:
         raise InputError(policy.source, f"it was trained for {policy.causality}", f"use it there, not for {causality}")
+    return of(policy, plant, reference, **gains)
+
+
+def of(policy: Policy, plant: Plant, reference: Reference, **gains: Gain) -> PolicyController:
+    """The controller that a policy makes for a plant; ``gains`` replace fields of PolicyParameters."""
     base = base_of(policy, plant, reference)
 
     def for_period(period: float) -> PolicyParameters:
@@ -273,7 +280,7 @@ def make(
             last=policy.weights["last"],
             authority=policy.authority,
             decimation=float(decimation),
-            admittance=1.0 if causality == "admittance" else 0.0,
+            admittance=1.0 if policy.causality == "admittance" else 0.0,
             squashed=1.0 if policy.squashed else 0.0,
             keep=policy.keep,
             mean_speed=policy.mean_speed,

@@ -150,7 +150,8 @@ def _check(policy: Policy, weights: Mapping[str, Array], path: Path) -> None:
     n, m = shapes.get("second", (0, 0)) if len(shapes.get("second", ())) == 2 else (0, 0)
     if set(weights) != set(NAMES) or shapes["first"] != (2 * N_SIGNALS, n) or shapes["last"] != (m,) or not n * m:
         raise InputError(str(path), f"weights of shapes {shapes} do not fit {N_SIGNALS} signals", MEND)
-    numbers = [policy.authority, policy.sample_time, policy.keep, policy.mean_speed, policy.speed_scale, policy.bandwidth_Hz, policy.slope_limit]
+    numbers = [policy.authority, policy.sample_time, policy.bandwidth_Hz, policy.keep, policy.mean_speed]
+    numbers += [policy.speed_scale, policy.slope_limit]
     numbers += [1.0 if scale is None else scale for scale in policy.scales]
     try:
         sound = all(math.isfinite(value) for value in numbers) and policy.sample_time > 0.0

@@ -8,6 +8,7 @@ it is stable where all their eigenvalues lie inside the unit circle.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import reduce
 from itertools import product
 
@@ -35,16 +36,30 @@ def unstable_places(
     controller = make(PLANTS[plant], reference, causality)
     if linearisable(controller) or not hasattr(controller, "law"):
         return []
+    return [
+        f"{plant} {causality}, {speed:g} km/h, {point}, {arm}: "
+        f"grows with {mode.real:.1f} /s at {mode.imag / (2.0 * np.pi):.1f} Hz"
+        for (speed, point, arm), mode in growing(controller, plant, causality, reference, speeds_kmh).items()
+    ]
+
+
+def growing(
+    controller: Controller, plant: str, causality: str, reference: Reference, speeds_kmh: Sequence[float], late: int = 0
+) -> dict[tuple[float, str, str], complex]:
+    """(Speed in km/h, operating point, arm) -> fastest growing mode in rad/s, where the reference itself is stable.
+
+    The hardware's commands are ``late`` periods later than the controller was told.
+    """
+    told, arms = PLANTS[plant], list(DRIVERS.values())
+    hardware = replace(told, motor=told.motor._replace(dead_time=told.motor.dead_time + late))
     controller.reset(PERIOD)
-    found = []
+    found = {}
     for speed, point in product(speeds_kmh, POINTS):
-        place = place_of(PLANTS[plant], causality, reference, speed, point)
-        arms = list(DRIVERS.values())
+        place = place_of(told, causality, reference, speed, point, hardware)
         rates, own = step_modes(controller, place, arms), growths(place, arms)
         for name, loop, growth in zip(DRIVERS, rates, own, strict=True):
             if growth < 0.0 and loop.size and loop[0].real >= 0.0:
-                what = f"grows with {loop[0].real:.1f} /s at {loop[0].imag / (2.0 * np.pi):.1f} Hz"
-                found.append(f"{plant} {causality}, {speed:g} km/h, {point}, {name}: {what}")
+                found[float(speed), point, name] = complex(loop[0])
     return found
 
 
@@ -56,9 +71,10 @@ def step_modes(controller: Controller, place: Place, arms: Sequence[Driver]) -> 
     state, observation = settled(controller, place)
     environment = environment_half(place, arms)
     count = int(getattr(controller, "decimation", 1))
+    phases = [state] if linearisable(controller) else [state._replace(tick=float(k)) for k in range(count)]
     loops = [
         closed_loop(environment, slopes_at(controller.law, controller.parameters, phase, observation))
-        for phase in (state._replace(tick=float(k)) for k in range(count))
+        for phase in phases
     ]
     carried = reduce(lambda before, loop: loop.A @ before, loops[1:], loops[0].A)
     first = loops[0]

@@ -71,7 +71,7 @@ def make_agent(config: TrainConfig, env: PolicyVecEnv, log: str | None = None) -
     return agent
 
 
-def actors_of(agent: Any) -> list[list[torch.nn.Linear]]:
+def actors_of(agent: Any) -> list[list[Any]]:
     """The linear layers from the observation to the action, of the actor and of its target if there is one."""
     if isinstance(agent, PPO):
         return [[*_linear(agent.policy.mlp_extractor.policy_net), agent.policy.action_net]]
@@ -80,7 +80,7 @@ def actors_of(agent: Any) -> list[list[torch.nn.Linear]]:
     return [_linear(agent.actor.mu), _linear(agent.actor_target.mu)]
 
 
-def without_offsets(layers: list[torch.nn.Linear]) -> None:
+def without_offsets(layers: list[Any]) -> None:
     """Hold every offset, and the weights of the speed itself (the last input), at zero for good."""
     for layer in layers:
         layer.bias.requires_grad_(False)
@@ -99,5 +99,5 @@ def weights_of(agent: Any) -> dict[str, NDArray[np.float64]]:
     return {"first": first[: 2 * N_SIGNALS].copy(), "second": second.copy(), "last": last[:, 0].copy()}
 
 
-def _linear(layers: torch.nn.Module) -> list[torch.nn.Linear]:
+def _linear(layers: torch.nn.Module) -> list[Any]:
     return [layer for layer in layers.children() if isinstance(layer, torch.nn.Linear)]

@@ -64,8 +64,10 @@ class RewardWeights(NamedTuple):
 
 @dataclass(frozen=True)
 class Learning:
-    """The algorithm and its numbers; ``rollout`` and ``epochs`` are PPO's, ``buffer`` to ``warm_up`` are
-    SAC's and TD3's. ``imitate`` names a classical law whose torque the policy is fitted to before it learns by itself.
+    """The algorithm and its numbers.
+
+    ``rollout`` to ``target_kl`` are PPO's, ``buffer`` to ``warm_up`` SAC's and TD3's. ``imitate`` names a
+    classical law whose torque the policy is fitted to before it learns by itself.
     """
 
     algorithm: str = "ppo"
@@ -95,7 +97,7 @@ class TrainConfig:
     seed: int = 0
     domain: Domain = field(default_factory=Domain)
     action: Action = field(default_factory=Action)
-    reward: RewardWeights = RewardWeights()
+    reward: RewardWeights = field(default_factory=RewardWeights)
     learning: Learning = field(default_factory=Learning)
 
     def plain(self) -> dict[str, Any]:
@@ -107,24 +109,24 @@ class TrainConfig:
 
     def changed(self, settings: dict[str, str]) -> TrainConfig:
         """With settings such as {"learning.gamma": "0.98", "action.base": "lqg"} replaced."""
-        changed = self
+        changed: Any = self
         for name, text in settings.items():
-            part, _, item = name.partition(".")
-            old = getattr(changed, part, None)
-            known = [*old._fields] if isinstance(old, RewardWeights) else [f.name for f in fields(old)] if item else []
-            if item not in known or old is None:
+            if name not in _names():
                 raise InputError(name, "there is no such setting", f"use one of {', '.join(_names())}")
-            value = _value(name, text, getattr(old, item))
-            new = old._replace(**{item: value}) if isinstance(old, RewardWeights) else replace(old, **{item: value})
+            part, _, item = name.partition(".")
+            old = getattr(changed, part)
+            value = {item: _value(name, text, getattr(old, item))}
+            new = old._replace(**value) if isinstance(old, RewardWeights) else replace(old, **value)
             changed = replace(changed, **{part: new})
         if changed.learning.algorithm not in ALGORITHMS:
             what = f"{changed.learning.algorithm!r} is not known"
             raise InputError("learning.algorithm", what, f"use one of {', '.join(ALGORITHMS)}")
-        return changed
+        found: TrainConfig = changed
+        return found
 
 
 def _names() -> list[str]:
-    parts = {"domain": Domain, "action": Action, "learning": Learning}
+    parts: dict[str, Any] = {"domain": Domain, "action": Action, "learning": Learning}
     found = [f"{part}.{f.name}" for part, kind in parts.items() for f in fields(kind)]
     return [*found, *(f"reward.{name}" for name in RewardWeights._fields)]
 

@@ -1,4 +1,4 @@
-"""Draws what is driven in training: plants, cars and arms of the benchmark's training seeds, never of its test seeds."""
+"""Draws what is driven in training: plants, cars and arms of the benchmark's training seeds, never of its test ones."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ class Drawer:
         domain = self.domain
         plant, car, driver = PLANTS[self.plant], CarSpread(), DRIVERS[NOMINAL_ARM]
         if domain.randomise:
-            own = np.random.default_rng(int(rng.integers(*Protocol.load().draw_seeds["training"])))
+            first, end = Protocol.load().draw_seeds["training"]
+            own = np.random.default_rng(int(rng.integers(first, end)))
             plant, car, driver = plant.drawn(own), random_car(own), random_driver(own)
         if domain.extra_dead_time:
             late = plant.motor.dead_time + float(rng.integers(0, domain.extra_dead_time + 1))

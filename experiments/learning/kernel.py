@@ -98,8 +98,9 @@ def judged_after(t: Truth, x: Judged, admittance: float) -> tuple[float, float, 
 def make_step(law: Law, state: Any) -> tuple[Callable[..., int], Callable[..., None]]:
     """(One step of all, start of some) around a base law whose state is like ``state``.
 
-    step(actions [n], noise [n, decimation, 2], rows, table, car table, Acting, signals [n, 17],
-    parts [n, 4], ended [n], unstable [n]) returns how many ended. start(which [m], rows, Acting, signals) prepares the first signals after a reset.
+    step(actions [n], noise [n, decimation, 2], rows, table, car table, Acting, signals [n, 17], parts [n, 4],
+    ended [n], unstable [n]) returns how many ended. start(which [m], rows, Acting, signals) prepares the
+    first signals after a reset.
     """
     load_base, store_base = nested_loader(state), nested_storer(state)
 

@@ -24,6 +24,7 @@ from experiments.learning.agent import make_agent, weights_of
 from experiments.learning.arrangement import Arrangement, Scales, base_gains
 from experiments.learning.calibration import measured
 from experiments.learning.config import FULL_TORQUE, TrainConfig
+from experiments.learning.gate import gated
 from experiments.learning.kernel import PARTS
 from experiments.learning.vec_env import PolicyVecEnv
 from steer_env import __version__, atomic
@@ -73,7 +74,7 @@ class Run:
             self.agent.learn(total - done, callback, log_interval=4, reset_num_timesteps=False)
             self.told["wall_s"] = self.wall
             self.keep()
-        policy = self.policy()
+        policy = gated(self.policy(), self.arrangement.drawers[0].reference)
         policy_file.save(policy, self.folder)
         atomic.write_text(self.folder / "run.json", json.dumps(self.told, indent=1) + "\n")
         return policy

@@ -17,7 +17,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from controllers.policy import SIGNAL_LIMIT, Memory, Signals
 from experiments.learning.arrangement import Arrangement
 from experiments.learning.config import RewardWeights
-from experiments.learning.kernel import N_OBSERVED, PARTS, Acting, Judged, Rows, make_step
+from experiments.learning.kernel import N_OBSERVED, PARTS, Judged, Rows
 from experiments.learning.records import numbers_in
 from experiments.rollout import first_observation
 from steer_env.envs import batch
