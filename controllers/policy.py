@@ -1,12 +1,13 @@
 """A learned policy: a small network that gives the motor torque, or a correction of a classical law's.
 
-    torque = base law's command + relief * authority * smooth(action),   action = network(signals) in [-1, 1]
+    torque = base law's command + relief * share * authority * smooth(action),   action = network(signals) in [-1, 1]
 
 The base law runs in every period; the network acts every ``decimation`` periods. Its action is held between,
 then a first-order lag smooths the steps and, where the torsion bar's mode is too fast to be damped, the
 same notch as in the other laws keeps them off it: without both, what a learner tries out shakes the wheel.
 In admittance the loop's gain grows with the slope of the assist: beyond ``slope_limit`` the action acts in
 inverse proportion to it (relief), so that what was learned on centre does not shake where the assist is steep.
+``share`` of the speed is what was left to the policy after training, so that its loops are stable (1 in training).
 ``experiments.train`` trains it in exactly this arrangement, with the functions below.
 
 Signals are divided by what they are worth in the training domain, cut at SIGNAL_LIMIT, and given once as
@@ -104,6 +105,7 @@ class PolicyParameters(NamedTuple):
     keep: Annotated[float, Quantity("-", "what error_sum keeps over a step", 0.0, 1.0, "training")]
     mean_speed: Annotated[float, Quantity("m/s", "taken from the speed", 0.0, 120.0, "training")]
     speed_scale: Annotated[float, Quantity("m/s", "and this divides the rest", 0.1, 120.0, "training")]
+    shares: Any  # float64 [n, 2]: speed in m/s, share of the authority there
     schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
     slope_limit: Annotated[float, Quantity("-", "assist slope beyond which it yields", 0.1, 1e6, "training")]
     lag: Annotated[float, Quantity("-", "what the smoothing keeps over a period", 0.0, 1.0, "training")]
@@ -159,6 +161,20 @@ def smoothed(m: Memory, p: Any) -> tuple[float, Memory]:
     return value, Memory(
         m.action_1, m.action_2, m.action_3, m.action_4, m.error, m.error_sum, smooth, notched.z1, notched.z2
     )
+
+
+@scalar
+def share_at(speed: float, shares: Any) -> float:
+    """Share of the authority at a speed in m/s, straight between the rows of ``shares``."""
+    last = shares.shape[0] - 1
+    low = 0
+    while low < last - 1 and shares[low + 1, 0] <= speed:
+        low += 1
+    high = min(low + 1, last)
+    span = shares[high, 0] - shares[low, 0]
+    along = 0.0 if span <= 0.0 else min(max((speed - shares[low, 0]) / span, 0.0), 1.0)
+    value: float = shares[low, 1] + along * (shares[high, 1] - shares[low, 1])
+    return value
 
 
 @scalar
@@ -223,7 +239,7 @@ def corrected(base: Law) -> Law:
         if tick > p.decimation - 0.5:
             tick = 0.0
         action, memory = smoothed(memory, p)
-        return command + relief(o, p) * p.authority * action, PolicyState(state, tick, memory)
+        return command + relief(o, p) * share_at(o.speed, p.shares) * p.authority * action, PolicyState(state, tick, memory)
 
     return scalar(named(law, base.__module__, base))
 
@@ -285,6 +301,7 @@ def of(policy: Policy, plant: Plant, reference: Reference, **gains: Gain) -> Pol
             keep=policy.keep,
             mean_speed=policy.mean_speed,
             speed_scale=policy.speed_scale,
+            shares=np.array(policy.shares),
             schedule=schedule_of(reference),
             slope_limit=policy.slope_limit,
             lag=lag_of(policy.bandwidth_Hz, period),

@@ -43,6 +43,7 @@ class Policy:
     base: name of the classical law that is corrected (with ``base_gains``, its factors); None where the policy
         gives the whole torque.
     authority: N m at the motor that an action of 1 stands for.
+    shares: (speed in m/s, share of the authority) ascending, what was left after training so that loops are stable.
     sample_time: s from one step of the network to the next.
     bandwidth_Hz: of the lag that smooths the held action; 0: none.
     scales: what divides each signal, SI; None hides the signal.
@@ -57,6 +58,7 @@ class Policy:
     base: str | None
     base_gains: dict[str, float]
     authority: float
+    shares: tuple[tuple[float, float], ...]
     sample_time: float
     bandwidth_Hz: float
     squashed: bool
@@ -128,7 +130,9 @@ def _load(folder: Path, *changed: int) -> Policy:
         known = described.pop("schema_version") == SCHEMA_VERSION
         digest = described.pop("weights_sha256")
         del described["network"]
-        policy = Policy(**{**described, "scales": tuple(described["scales"])}, weights={}, source=str(path))
+        described["scales"] = tuple(described["scales"])
+        described["shares"] = tuple((float(speed), float(share)) for speed, share in described["shares"])
+        policy = Policy(**described, weights={}, source=str(path))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as wrong:
         raise InputError(str(path), f"this describes no policy ({wrong})", MEND) from wrong
     if not known:
@@ -153,8 +157,10 @@ def _check(policy: Policy, weights: Mapping[str, Array], path: Path) -> None:
     numbers = [policy.authority, policy.sample_time, policy.bandwidth_Hz, policy.keep, policy.mean_speed]
     numbers += [policy.speed_scale, policy.slope_limit]
     numbers += [1.0 if scale is None else scale for scale in policy.scales]
+    numbers += [number for pair in policy.shares for number in pair]
     try:
         sound = all(math.isfinite(value) for value in numbers) and policy.sample_time > 0.0
+        sound = sound and len(policy.shares) > 0 and list(policy.shares) == sorted(policy.shares)
         sound = sound and len(policy.scales) == N_SIGNALS and all(s is None or s > 0.0 for s in policy.scales)
     except TypeError as wrong:
         raise InputError(str(path), f"a number is missing ({wrong})", MEND) from wrong

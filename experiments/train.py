@@ -44,7 +44,7 @@ def scores(config: TrainConfig, folder: Path) -> dict[str, Score]:
 @click.argument("task")
 @click.option("--algorithm", type=click.Choice(ALGORITHMS), help="[default: ppo]")
 @click.option("--base", metavar="NAME", help='Law that the policy corrects; "none": it gives the whole torque.')
-@click.option("--steps", type=click.IntRange(min=1), metavar="N", help="Steps of the policy in all. [default: 1000000]")
+@click.option("--steps", type=click.IntRange(min=1), metavar="N", help="Steps of the policy in all. [default: 800000]")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Any other, e.g. learning.gamma=0.9.")
 @click.option("--snapshots", default=0.0, metavar="S", help="Keep the policy every S seconds as well.")
 @common_options

@@ -19,12 +19,14 @@ class Domain:
 
     ``randomise`` draws plant, car and arm from the benchmark's training seeds; without it they are the
     nominal plant, the reference's own car and the relaxed arm. Speed (over the reference's range),
-    manoeuvre, its size and phase are drawn in any case. ``extra_dead_time``: up to so many periods more
+    manoeuvre, its size and phase are drawn in any case. ``free_share`` of the episodes are driven by a torque
+    on the free wheel, where a loop has no arm to calm it. ``extra_dead_time``: up to so many periods more
     than the drawn plant's. ``references``: "published" or files, shared out evenly over the environments.
     """
 
     manoeuvres: tuple[str, ...] = SCORED
     randomise: bool = True
+    free_share: float = 0.15
     extra_dead_time: int = 0
     references: tuple[str, ...] = ("published",)
 
@@ -42,7 +44,7 @@ class Action:
     base: str = "pid"
     authority: float = 0.3
     decimation: int = 5
-    bandwidth_Hz: float = 20.0
+    bandwidth_Hz: float = 12.0
     slope_limit: float = 4.0
     history: int = 0
 
@@ -72,7 +74,7 @@ class Learning:
 
     algorithm: str = "ppo"
     environments: int = 64
-    steps: int = 1_000_000
+    steps: int = 800_000
     hidden: tuple[int, int] = (32, 32)
     learning_rate: float = 1e-3
     batch: int = 1024

@@ -16,6 +16,7 @@ from steer_env.manoeuvres import MANOEUVRES
 from steer_env.plants import DRIVERS, PLANTS, Reference
 
 NOMINAL_ARM = "relaxed"
+FREE_ARM, FREE_MANOEUVRE = "torque_source", "random_torque"
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,9 @@ class Drawer:
         if domain.extra_dead_time:
             late = plant.motor.dead_time + float(rng.integers(0, domain.extra_dead_time + 1))
             plant = replace(plant, motor=plant.motor._replace(dead_time=min(late, LINE_LENGTH - 1.0)))
+        manoeuvre = str(rng.choice(domain.manoeuvres))
+        if rng.uniform() < domain.free_share:
+            driver, manoeuvre = DRIVERS[FREE_ARM], FREE_MANOEUVRE
         known = [row.speed_kmh for row in self.reference.file.rows]
         task = Task(
             plant=plant,
@@ -50,7 +54,7 @@ class Drawer:
             reference=self.reference,
             car_spread=car,
             driver=driver,
-            manoeuvre=str(rng.choice(domain.manoeuvres)),
+            manoeuvre=manoeuvre,
             speed_kmh=float(rng.uniform(min(known), max(known))),
             randomise=("manoeuvre",),
         )

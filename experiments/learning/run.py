@@ -102,6 +102,7 @@ class Run:
             base=base,
             base_gains=base_gains(config),
             authority=scales.authority,
+            shares=((0.0, 1.0),),
             sample_time=round(config.action.decimation * PERIOD, 9),
             bandwidth_Hz=config.action.bandwidth_Hz,
             squashed=config.learning.algorithm != "ppo",
