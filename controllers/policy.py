@@ -239,7 +239,8 @@ def corrected(base: Law) -> Law:
         if tick > p.decimation - 0.5:
             tick = 0.0
         action, memory = smoothed(memory, p)
-        return command + relief(o, p) * share_at(o.speed, p.shares) * p.authority * action, PolicyState(state, tick, memory)
+        worth = relief(o, p) * share_at(o.speed, p.shares) * p.authority
+        return command + worth * action, PolicyState(state, tick, memory)
 
     return scalar(named(law, base.__module__, base))
 
