@@ -46,6 +46,7 @@ def scores(config: TrainConfig, folder: Path) -> dict[str, Score]:
 @click.option("--base", metavar="NAME", help='Law that the policy corrects; "none": it gives the whole torque.')
 @click.option("--steps", type=click.IntRange(min=1), metavar="N", help="Steps of the policy in all. [default: 800000]")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Any other, e.g. learning.gamma=0.9.")
+@click.option("--search", "trials", default=0, metavar="N", help="Try N settings in short runs first.")
 @click.option("--snapshots", default=0.0, metavar="S", help="Keep the policy every S seconds as well.")
 @common_options
 def command(
@@ -54,6 +55,7 @@ def command(
     base: str | None,
     steps: int | None,
     settings: tuple[str, ...],
+    trials: int,
     snapshots: float,
     out: Path,
     seed: int,
@@ -79,6 +81,11 @@ def command(
     except ModuleNotFoundError as missing:
         what = f"{missing.name} is not installed"
         raise InputError("steer-env train", what, 'install it: pip install "steer-env[learn]"') from missing
+    if trials:
+        from experiments.learning.search import search  # Optuna loads when it is asked for
+
+        with progress(f"search {task}", total=trials, quiet=quiet) as advance:
+            config = config.changed(search(config, trials, out / "search", advance))
     with progress(f"train {task}", total=config.learning.steps, quiet=quiet) as advance:
         run = Run(config, out)
         run.learn(advance, snapshots)
