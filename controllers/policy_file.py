@@ -29,7 +29,7 @@ SCHEMA_VERSION = 1
 SHIPPED = Path(__file__).with_name("policies")
 WEIGHTS, DESCRIPTION = "policy.safetensors", "policy.json"
 PREFIX = "policy"
-N_SIGNALS = 17  # fields of policy.Signals
+N_SIGNALS = 17  # fields of policy_law.Signals
 NAMES = ("first", "second", "last")
 MEND = "write one by steer-env train"
 
@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Policy:
-    """One trained policy; ``policy.PolicyParameters`` says what the numbers mean.
+    """One trained policy; ``policy_law.PolicyParameters`` says what the numbers mean.
 
     base: name of the classical law that is corrected (with ``base_gains``, its factors); None where the policy
         gives the whole torque.

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import controllers
-from controllers import policy, tuning
+from controllers import policy_law, tuning
 from controllers.hardware import bar_notch
 from controllers.law import Factor
-from controllers.policy import Signals
+from controllers.policy_law import Signals
 from controllers.schedule import schedule_of
 from experiments.learning.config import FULL_TORQUE, TrainConfig
 from experiments.learning.domain import Drawer
@@ -69,7 +69,7 @@ class Arrangement:
     def compiled(self, k: int) -> tuple[Callable[..., int], Callable[..., None], Acting]:
         """(Step, start, what they need to know of the policy) of the k-th reference."""
         admittance = 1.0 if self.config.causality == "admittance" else 0.0
-        plant, lag = PLANTS[self.config.plant], policy.lag_of(self.config.action.bandwidth_Hz, PERIOD)
+        plant, lag = PLANTS[self.config.plant], policy_law.lag_of(self.config.action.bandwidth_Hz, PERIOD)
         rated, notch = plant.motor.rated_torque, bar_notch(plant, PERIOD)
         schedule, limit = schedule_of(self.drawers[k].reference), self.config.action.slope_limit
         acting = Acting(
@@ -89,7 +89,7 @@ def base_gains(config: TrainConfig) -> dict[str, float]:
 def base_law(config: TrainConfig, reference: Reference) -> BaseLaw:
     """The law under the policy; InputError where it is not a pure one."""
     if config.action.base == FULL_TORQUE:
-        return BaseLaw(policy.silent_law, 0.0, 0.0)
+        return BaseLaw(policy_law.silent_law, 0.0, 0.0)
     made = controllers.make(config.action.base, PLANTS[config.plant], reference, config.causality)
     if not hasattr(made, "law"):
         raise InputError("action.base", f"{config.action.base} has no pure law", "take one out of the table")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from controllers.policy import Signals
+from controllers.policy_law import Signals
 from experiments.learning.arrangement import TEACHER, Arrangement, Scales, visible
 from experiments.learning.config import FULL_TORQUE, RewardWeights, TrainConfig
 from experiments.learning.vec_env import N_SIGNALS, PolicyVecEnv

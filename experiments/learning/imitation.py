@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from controllers.policy import Signals
+from controllers.policy_law import Signals
 from experiments.learning.agent import actors_of
 from experiments.learning.arrangement import Arrangement
 from experiments.learning.config import FULL_TORQUE, RewardWeights, TrainConfig

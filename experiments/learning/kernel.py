@@ -1,6 +1,6 @@
 """One step of a policy in many environments, compiled: the base law and ``decimation`` control periods in each.
 
-The same functions of controllers.policy run here and in the controller that comes out of training.
+The same functions of controllers.policy_law run here and in the controller that comes out of training.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.blocks import Notch
-from controllers.policy import Memory, relief, remembered, signals_of, smoothed
+from controllers.policy_law import Memory, relief, remembered, signals_of, smoothed
 from experiments.learning.records import nested_loader, nested_storer
 from experiments.measures import JND
 from steer_env.envs.layout import PERIOD, Truth
@@ -43,7 +43,7 @@ class Judged(NamedTuple):
 
 
 class Acting(NamedTuple):
-    """What a step needs to know of the policy; names as in controllers.policy.PolicyParameters."""
+    """What a step needs to know of the policy; names as in controllers.policy_law.PolicyParameters."""
 
     base: Any
     authority: float

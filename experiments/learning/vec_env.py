@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
-from controllers.policy import SIGNAL_LIMIT, Memory, Signals
+from controllers.policy_law import SIGNAL_LIMIT, Memory, Signals
 from experiments.learning.arrangement import Arrangement
 from experiments.learning.config import RewardWeights
 from experiments.learning.kernel import N_OBSERVED, PARTS, Judged, Rows

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import controllers
-from controllers import CAUSALITIES, policy, policy_file
+from controllers import CAUSALITIES, policy, policy_file, policy_law
 from experiments.law_half import law_half
 from experiments.linear_loop import closed_loop, environment_half, modes
 from experiments.operating_points import place_of
@@ -114,8 +114,8 @@ def test_an_action_is_held_until_the_next_step_of_the_policy():
 def test_the_share_goes_through_its_rows_and_holds_at_its_ends():
     rows = np.array([[5.0, 0.5], [10.0, 1.0], [20.0, 0.2]])
     for speed, share in ((1.0, 0.5), (5.0, 0.5), (7.5, 0.75), (10.0, 1.0), (15.0, 0.6), (30.0, 0.2)):
-        assert policy.share_at(speed, rows) == pytest.approx(share)
-    assert policy.share_at(7.0, rows[:1]) == 0.5
+        assert policy_law.share_at(speed, rows) == pytest.approx(share)
+    assert policy_law.share_at(7.0, rows[:1]) == 0.5
     one, half = (controller_of(made_up(base=None, shares=((0.0, share),))) for share in (1.0, 0.5))
     seen = observations(20)
     np.testing.assert_allclose(torques(half, seen), 0.5 * np.array(torques(one, seen)), rtol=1e-12)
@@ -125,19 +125,19 @@ def test_the_lag_and_the_relief_are_what_they_say():
     """A step through the lag after n periods: 1 - exp(-2 pi f n T); beyond the slope limit limit / slope."""
     found = made_up("EPAS", "admittance", base=None, size=0.0)
     p = controller_of(found).parameters
-    m = policy.Memory(action_1=1.0)
+    m = policy_law.Memory(action_1=1.0)
     for n in range(1, 40):
-        value, m = policy.smoothed(m, p)
+        value, m = policy_law.smoothed(m, p)
         assert value == pytest.approx(1.0 - np.exp(-2.0 * np.pi * 20.0 * n * PERIOD), rel=1e-12)
     o = Observation(*[0.0] * 13)._replace(speed=75.0 / 3.6)
-    assert policy.relief(o, p) == 1.0
-    steep = policy.relief(o._replace(torsion_bar_torque=4.0), p)
+    assert policy_law.relief(o, p) == 1.0
+    steep = policy_law.relief(o._replace(torsion_bar_torque=4.0), p)
     from controllers.blocks import assist_slope
     from controllers.schedule import felt_at
 
     assert steep == pytest.approx(4.0 / assist_slope(4.0, felt_at(o.speed, p.schedule)))
     assert steep < 0.6
-    assert policy.relief(o._replace(torsion_bar_torque=4.0), p._replace(admittance=0.0)) == 1.0
+    assert policy_law.relief(o._replace(torsion_bar_torque=4.0), p._replace(admittance=0.0)) == 1.0
 
 
 def test_one_step_takes_less_than_20_us():
@@ -246,7 +246,7 @@ def test_modes_over_a_step_are_those_of_a_period_where_the_policy_does_nothing()
 def test_modes_over_a_step_grow_as_a_simulated_loop_does():
     """A gain on the bar's torque that shakes: unstable by its modes, and so in an episode."""
     weights = {"first": np.zeros((34, 1)), "second": np.ones((1, 1)), "last": np.full(1, 1.0)}
-    weights["first"][policy.Signals._fields.index("error"), 0] = 1.0
+    weights["first"][policy_law.Signals._fields.index("error"), 0] = 1.0
     shaky = made_up("SbW", weights=weights, authority=12.0, bandwidth_Hz=30.0)
     place = place_of(PLANTS["SbW"], "impedance", REFERENCE, 75.0, "centre_stuck")
     assert step_modes(controller_of(shaky), place, [DRIVERS["relaxed"]])[0][0].real > 5.0

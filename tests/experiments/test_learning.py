@@ -9,7 +9,7 @@ import pytest
 
 from controllers import policy, policy_file
 from controllers.blocks import NotchState
-from controllers.policy import Memory, Signals, action_of
+from controllers.policy_law import Memory, PolicyState, Signals, action_of
 from experiments.bench_protocol import Protocol
 from experiments.learning import domain
 from experiments.learning.config import Domain, TrainConfig
@@ -213,7 +213,7 @@ def test_parts_of_the_reward_in_closed_form():
 
 def test_nested_records_survive_a_row():
     """Catches a field that moves when a record holds a record."""
-    state = policy.PolicyState(EnergyPair(1.0, NotchState(2.0, 3.0)), 4.0, Memory(*np.arange(5.0, 14.0).tolist()))
+    state = PolicyState(EnergyPair(1.0, NotchState(2.0, 3.0)), 4.0, Memory(*np.arange(5.0, 14.0).tolist()))
     row = np.zeros(20)
     nested_storer(state, 3)(row, state)
     assert size_of(state) == 13
