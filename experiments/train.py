@@ -47,7 +47,7 @@ def scores(config: TrainConfig, folder: Path) -> dict[str, Score]:
 @click.option("--steps", type=click.IntRange(min=1), metavar="N", help="Steps of the policy in all. [default: 800000]")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="Any other, e.g. learning.gamma=0.9.")
 @click.option("--search", "trials", default=0, metavar="N", help="Try N settings in short runs first.")
-@click.option("--snapshots", default=0.0, metavar="S", help="Keep the policy every S seconds as well.")
+@click.option("--snapshots", default=0.0, metavar="S", help="Keep the policy every S CPU seconds too.")
 @common_options
 def command(
     task: str,

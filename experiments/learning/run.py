@@ -48,7 +48,7 @@ class Run:
         scales = Scales(*kept["told"]["measured"]) if kept else measured(config)
         self.told: dict[str, Any] = kept["told"] if kept else {
             "config": config.plain(), "measured": [list(scales.scales), scales.authority],
-            "wall_s": 0.0, "log": [], "snapshots": [],
+            "wall_s": 0.0, "cpu_s": 0.0, "log": [], "snapshots": [],
         }  # fmt: skip
         self.arrangement = Arrangement(config, scales)
         self.env = PolicyVecEnv(self.arrangement, config.learning.environments, config.reward, config.seed)
@@ -58,11 +58,17 @@ class Run:
         elif config.learning.imitate:
             self.told["imitation"] = imitation.imitate(self.agent, config, self.arrangement)
         self.began = time.perf_counter() - self.told["wall_s"]
+        self.cpu_began = time.process_time() - self.told["cpu_s"]
 
     @property
     def wall(self) -> float:
         """Seconds of training so far, those before an interruption included."""
         return time.perf_counter() - self.began
+
+    @property
+    def cpu(self) -> float:
+        """The same in seconds of the processor: what the wall time would be on a core of its own."""
+        return time.process_time() - self.cpu_began
 
     def learn(self, advance: Advance = lambda *_, **__: None, snapshot_s: float = 0.0) -> Policy:
         """Train to the end, write the policy's files and return it."""
@@ -72,7 +78,7 @@ class Run:
             callback = _Keeper(self, advance, snapshot_s)
             self.agent.set_logger(configure_logger(0, str(self.folder / "tensorboard"), "run", not done))
             self.agent.learn(total - done, callback, log_interval=4, reset_num_timesteps=False)
-            self.told["wall_s"] = self.wall
+            self.told |= {"wall_s": self.wall, "cpu_s": self.cpu}
             self.keep()
         policy = gated(self.policy(), self.arrangement.drawers[0].reference)
         policy_file.save(policy, self.folder)
@@ -91,6 +97,7 @@ class Run:
             "seed": config.seed,
             "steps": self.agent.num_timesteps,
             "wall_s": round(self.wall, 1),
+            "cpu_s": round(self.cpu, 1),
             "imitation": self.told.get("imitation"),
             "software_version": __version__,
             "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
@@ -127,12 +134,12 @@ class _Keeper(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         run, wall = self.run, self.run.wall
-        run.told["wall_s"] = wall
+        run.told |= {"wall_s": wall, "cpu_s": run.cpu}
         snapshots = run.told["snapshots"]
-        if self.snapshot_s and wall >= self.snapshot_s * len(snapshots):
+        if self.snapshot_s and run.cpu >= self.snapshot_s * len(snapshots):
             name = f"{len(snapshots):04d}"
             policy_file.save(run.policy(), run.folder / "snapshots" / name)
-            snapshots.append({"name": name, "wall_s": wall, "steps": run.agent.num_timesteps})
+            snapshots.append({"name": name, "wall_s": wall, "cpu_s": run.cpu, "steps": run.agent.num_timesteps})
         if wall - self.saved >= CHECKPOINT_S:
             self.saved = wall
             run.keep()
