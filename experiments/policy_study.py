@@ -4,8 +4,8 @@ Every seed of every task is trained as ``steer-env train`` would (the same comma
 was), the policy being kept every few seconds of training. Each kept policy is scored afterwards on the
 benchmark's training split, beside every classical law: after how long is a policy better than tuned pid,
 and than the best classical law? Scoring takes no training time. Times are seconds of the processor, one
-thread, so that they do not tell what else the machine did; the wall time is told beside them. ``--vary`` trains variants on
-one seed each. All seeds are told.
+thread, so that they do not tell what else the machine did; the wall time is told beside them.
+``--vary`` trains variants on one seed each. All seeds are told.
 """
 
 from __future__ import annotations

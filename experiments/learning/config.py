@@ -18,13 +18,15 @@ class Domain:
     """What is drawn for every episode.
 
     ``randomise`` draws plant, car and arm from the benchmark's training seeds; without it they are the
-    nominal plant, the reference's own car and the relaxed arm. Speed (over the reference's range),
-    manoeuvre, its size and phase are drawn in any case. ``free_share`` of the episodes are driven by a torque
-    on the free wheel, where a loop has no arm to calm it. ``extra_dead_time``: up to so many periods more
-    than the drawn plant's. ``references``: "published" or files, shared out evenly over the environments.
+    nominal plant, the reference's own car and the relaxed arm. Speed (over the reference's range, within
+    ``speeds_kmh``), manoeuvre, its size and phase are drawn in any case. ``free_share`` of the episodes are
+    driven by a torque on the free wheel, where a loop has no arm to calm it. ``extra_dead_time``: up to so
+    many periods more than the drawn plant's. ``references``: "published" or files, shared out evenly over
+    the environments.
     """
 
     manoeuvres: tuple[str, ...] = SCORED
+    speeds_kmh: tuple[float, float] = (0.0, 400.0)
     randomise: bool = True
     free_share: float = 0.15
     extra_dead_time: int = 0

@@ -32,6 +32,10 @@ class Drawer:
         for name in self.domain.manoeuvres:
             if name not in MANOEUVRES:
                 raise InputError("domain.manoeuvres", f"{name!r} is not known", f"use names of {', '.join(MANOEUVRES)}")
+        known, (slowest, fastest) = self.reference.file.rows, self.domain.speeds_kmh
+        if not max(known[0].speed_kmh, slowest) <= min(known[-1].speed_kmh, fastest):
+            there = f"{known[0].speed_kmh:g} to {known[-1].speed_kmh:g} km/h"
+            raise InputError("domain.speeds_kmh", f"none of {there} is in it", "give slowest,fastest")
 
     def draw(self, rng: np.random.Generator) -> tuple[Setup, int]:
         """(What to simulate, for how many control periods, a second of rest at the end included)."""
@@ -47,6 +51,7 @@ class Drawer:
         manoeuvre = str(rng.choice(domain.manoeuvres))
         if rng.uniform() < domain.free_share:
             driver, manoeuvre = DRIVERS[FREE_ARM], FREE_MANOEUVRE
+        slowest, fastest = self.domain.speeds_kmh
         known = [row.speed_kmh for row in self.reference.file.rows]
         task = Task(
             plant=plant,
@@ -55,7 +60,7 @@ class Drawer:
             car_spread=car,
             driver=driver,
             manoeuvre=manoeuvre,
-            speed_kmh=float(rng.uniform(min(known), max(known))),
+            speed_kmh=float(rng.uniform(max(min(known), slowest), min(max(known), fastest))),
             randomise=("manoeuvre",),
         )
         setup = prepare(task, rng, PERIOD)

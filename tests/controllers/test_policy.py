@@ -99,7 +99,7 @@ def test_a_policy_that_does_nothing_is_its_base_law_bit_for_bit(plant, causality
 
 def test_an_action_is_held_until_the_next_step_of_the_policy():
     """Seen through a law without base and without lag: catches decimation that drifts or starts late."""
-    found = made_up("EPAS", base=None, bandwidth_Hz=0.0, authority=1.0, squashed=True)
+    found = made_up("EPAS", base=None, bandwidth_Hz=0.0, authority=1.0, size=0.3, shares=((0.0, 1.0),))
     controller = controller_of(found)
     given = np.array(torques(controller, observations(40))).reshape(-1, controller.decimation)
     assert controller.decimation == 5
