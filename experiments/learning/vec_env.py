@@ -64,8 +64,8 @@ class PolicyVecEnv(VecEnv):
         """Start all episodes; the first ones end at random times, so that they do not go in step."""
         for k, group in enumerate(self.groups):
             self._start(k, np.arange(group.size))
-            if self._fresh:
-                left = self.rows[k].left
+        if self._fresh:
+            for left in (rows.left for rows in self.rows):
                 left[:] = np.maximum((left * self.rng.uniform(0.1, 1.0, left.size)).astype(np.int64), self._decimation)
         self._fresh = False
         self._totals[:], self._lengths[:], self._returns[:] = 0.0, 0.0, 0.0

@@ -13,9 +13,10 @@ import pytest
 import controllers
 from controllers import CAUSALITIES, policy, policy_file, policy_law
 from experiments.law_half import law_half
+from experiments.learning.scoring import training_score
 from experiments.linear_loop import closed_loop, environment_half, modes
 from experiments.operating_points import place_of
-from experiments.periodic_loop import step_modes
+from experiments.periodic_loop import growing, step_modes
 from experiments.rollout import first_observation, run
 from experiments.step_times import compiled_passes, recorded
 from steer_env.envs import batch
@@ -255,3 +256,25 @@ def test_modes_over_a_step_grow_as_a_simulated_loop_does():
     task = Task("SbW", "impedance", REFERENCE, manoeuvre="standstill", driver="relaxed", duration=2.0)
     bar = [run(task, controller_of(found), seed=0)["torsion_bar_torque"] for found in (calm, shaky)]
     assert np.abs(bar[1]).max() > 20.0 * np.abs(bar[0]).max()
+
+
+@pytest.mark.parametrize("name", policy_file.folders())
+def test_shipped_policies_are_stable_and_pay(name):
+    """Catches a file that was trained over other gains or code: growth, an arm, a score worse than bare."""
+    plant, causality = name.split("-")
+    law = controllers.make("policy", PLANTS[plant], REFERENCE, causality)
+    assert growing(law, plant, causality, REFERENCE, [75.0]) == {}
+    for arm, driver in DRIVERS.items():
+        manoeuvre = "random_torque" if driver.k == 0.0 else "on_centre_weave"
+        task = Task(plant, causality, REFERENCE, False, None, manoeuvre, 60.0, arm, duration=4.0)
+        assert run(task, law, seed=1).stable, arm
+    assert law.policy.training["config"]["action"]["base"] == law.policy.base
+    scores = [
+        training_score(make, plant, causality, REFERENCE, speeds_kmh=(60.0, 90.0))
+        for make in (controllers.maker("policy"), lambda p, r, _: policy.base_of(law.policy, p, r))
+    ]
+    assert scores[0].jnd < scores[1].jnd
+
+
+def test_one_is_shipped_for_each_causality():
+    assert {name.split("-")[1] for name in policy_file.folders()} == set(CAUSALITIES)

@@ -231,3 +231,16 @@ def test_settings_by_name():
                            ("EPAS-Impedance", {"learning.algorithm": "dqn"})):  # fmt: skip
         with pytest.raises(InputError):
             config_of(task, 0, settings)
+
+
+def test_several_references_share_the_environments():
+    """Catches a base law or a table of one reference under the episodes of another."""
+    config = small(domain__references="published,published")
+    env, one = environments(config, 5), environments(small(), 5)
+    env.reset(), one.reset()
+    assert [group.size for group in env.groups] == [3, 2]
+    for _ in range(20):
+        observed, rewards, _, _ = env.step(np.zeros((5, 1)))
+        same, others, _, _ = one.step(np.zeros((5, 1)))
+    assert np.array_equal(observed, same)
+    assert np.array_equal(rewards, others)
