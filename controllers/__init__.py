@@ -19,7 +19,8 @@ a stable closed loop with every driver on every plant. Gains come from controlle
 
 A controller need not be in the table: ``make("my_file.py:MyLaw", ...)`` takes ``MyLaw`` out of a
 file and calls it as ``make`` above. ``make("passivity:NAME", ...)`` puts a passivity observer and
-controller around any of them; plain "passivity" is that around pid.
+controller around any of them; plain "passivity" is that around pid. ``make("policy:FOLDER", ...)`` is what
+``steer-env train --out FOLDER`` learned; plain "policy" is the one that is shipped for that plant.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from controllers import tuning
+from controllers import policy_file, tuning
 from controllers.law import Gain
 from controllers.own import inner_of, is_own, load_own
 from steer_env.errors import InputError
@@ -68,18 +69,20 @@ def make(
 
 
 def maker(name: str) -> Callable[..., Any]:
-    """The function that makes a controller: of a row of CONTROLLERS, of WRAPPER:NAME, or of FILE.py:NAME."""
+    """The function that makes a controller: of a row of CONTROLLERS, WRAPPER:NAME, policy:FOLDER or FILE.py:NAME."""
     inner = inner_of(name)
     if inner:
         maker(inner)
         return partial(maker(name.partition(":")[0]), inner=inner)
+    if policy_file.is_policy(name):
+        return partial(import_module("controllers.policy").make, folder=policy_file.folder_of(name))
     if is_own(name):
         return load_own(name)
     if name not in CONTROLLERS:
         raise InputError(
             "controller",
             f"{name!r} is not known",
-            f"use one of {', '.join(CONTROLLERS)}, or FILE.py:NAME for your own",
+            f"use one of {', '.join(CONTROLLERS)}, policy, or FILE.py:NAME for your own",
         )
     make_it: Callable[..., Any] = import_module(CONTROLLERS[name]).make
     return make_it

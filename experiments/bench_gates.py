@@ -16,10 +16,11 @@ from typing import Any
 import controllers
 from experiments import robustness
 from experiments.bench_cases import Maker
-from experiments.law_half import law_half
+from experiments.law_half import law_half, linearisable
 from experiments.linear_loop import Half, closed_loop, environment_half, modes
 from experiments.operating_points import POINTS, Place, place_of
 from experiments.perfect_tracking import growths
+from experiments.periodic_loop import unstable_places
 from steer_env.plants import DRIVERS, PLANTS, Reference
 
 Result = dict[str, Any]
@@ -51,12 +52,16 @@ def gates_of(
     proof = robustness.summary_of(found, reference.source)
     weak = {_place(a) for a in proof["assessments"] if not a["reference_stable"]}
     gates = {name: [*_failures(name, proof), *unstable_episodes(name, results, weak)] for name in names}
+    for name in names:
+        make = makers.get(name) or partial(controllers.make, name)
+        for place in places:
+            gates[name] += unstable_places(make, *place, reference, speeds)
     return gates, {key: proof[key] for key in ("limits", "gates", "confirmations", "assessments")}
 
 
 def has_law(make: Maker, reference: Reference) -> bool:
-    """Whether a controller has a pure law, which alone can be linearised."""
-    return hasattr(make(next(iter(PLANTS.values())), reference, controllers.CAUSALITIES[0]), "law")
+    """Whether a controller can be linearised as a whole; see ``law_half.linearisable``."""
+    return linearisable(make(next(iter(PLANTS.values())), reference, controllers.CAUSALITIES[0]))
 
 
 def unstable_episodes(name: str, results: Sequence[Result], weak: set[Where]) -> list[str]:

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from controllers import policy_file
 from controllers.own import file_of, is_own
 from experiments.bench_cases import Case
 from steer_env import atomic
@@ -50,6 +51,10 @@ def key_of(cases: Sequence[Case], reference: Reference, seed: int) -> str:
     digest.update(_code())
     for name in sorted({case.controller for case in cases if is_own(case.controller)}):
         digest.update(file_of(name).read_bytes())
+    for name in sorted({case.controller for case in cases}):
+        folder = policy_file.folder_of(name)
+        if folder is not None:  # the description names the weights by their hash
+            digest.update((folder / policy_file.DESCRIPTION).read_bytes())
     return digest.hexdigest()[:16]
 
 

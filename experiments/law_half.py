@@ -31,6 +31,15 @@ SEEN = len(Observation._fields)
 SWINGING, QUIET, SLIDING = 3.0, 0.5, 0.8  # s
 
 
+def linearisable(controller: object) -> bool:
+    """Whether one period of a controller's law is like the next, so that a half stands for all of them.
+
+    It is not where there is no pure law, or one that acts anew only every few periods (a policy); of
+    those, experiments.periodic_loop knows the modes.
+    """
+    return hasattr(controller, "law") and getattr(controller, "decimation", 1) == 1
+
+
 def law_half(controller: Controller, place: Place) -> Half:
     """The controller, just reset, about a place: inputs MEASURED, output the motor's target of the period to come.
 
@@ -38,7 +47,11 @@ def law_half(controller: Controller, place: Place) -> Half:
     period before, so D is zero.
     """
     state, observation = settled(controller, place)
-    law, parameters = controller.law, controller.parameters
+    return slopes_at(controller.law, controller.parameters, state, observation)
+
+
+def slopes_at(law: Law, parameters: Any, state: Any, observation: Observation) -> Half:
+    """The law differentiated at a state and an observation; see ``law_half``."""
     leaves, rebuild = flat(state)
     start, m = np.array([*leaves, *observation]), len(leaves)
 

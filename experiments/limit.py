@@ -27,7 +27,7 @@ from scipy.signal import cont2discrete
 
 import controllers
 from experiments.bench_cases import Maker
-from experiments.law_half import law_half
+from experiments.law_half import law_half, linearisable
 from experiments.linear_loop import HAND, MEASURED, MOTOR, PARTS, Half, delayed, environment_half
 from experiments.measures import JND
 from experiments.operating_points import Place, place_of
@@ -99,7 +99,7 @@ def limits(
             reached = {
                 name: reached_by(problem, law_half(controller, place))
                 for name, controller in made.items()
-                if hasattr(controller, "law")
+                if linearisable(controller)
             }
             found.append(Limit(plant, causality, float(speed), arm, least, share, reached))
     return found

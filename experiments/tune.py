@@ -76,7 +76,7 @@ def objective(name: str, plant: str, causality: str, factors: Factors, reference
     cases = protocol.training_cases(name, plant, causality, SPEEDS_KMH, DRAWS)
     scores, unstable = [], 0
     for case in cases:
-        result = _scored(case, reference, seed, make, protocol)
+        result = scored(case, reference, seed, make, protocol)
         scores.append(case_score(result, protocol))
         unstable += not result["stable"]
     proof = unstable_share(make, plant, causality, reference, protocol.speeds_kmh)
@@ -85,7 +85,7 @@ def objective(name: str, plant: str, causality: str, factors: Factors, reference
     return 0.5 * float(trim_mean(scores, 0.25) + np.mean(scores)) + protocol.worst_score_jnd * share
 
 
-def _scored(case: Case, reference: Reference, seed: int, make: Maker, protocol: Protocol) -> dict[str, Any]:
+def scored(case: Case, reference: Reference, seed: int, make: Maker, protocol: Protocol) -> dict[str, Any]:
     """The part of a result that the score looks at."""
     episode = bench_cases.episode_of(case, reference, seed, protocol.draw_seeds["training"], make)
     scores: dict[str, float | None] = {}

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import controllers
 from experiments.bench_cases import Maker
-from experiments.law_half import law_half
+from experiments.law_half import law_half, linearisable
 from experiments.linear_loop import closed_loop, environment_half, modes
 from experiments.operating_points import POINTS, Place, place_of
 from experiments.perfect_tracking import growths
@@ -60,12 +60,12 @@ def z_widths(
     makers: Mapping[str, Maker] | None = None,
     advance: Callable[..., None] = lambda *_, **__: None,
 ) -> list[ZWidth]:
-    """Of every controller that has a pure law, on both plants and in both causalities; makers by name."""
+    """Of every controller that can be linearised, on both plants and in both causalities; makers by name."""
     speed_kmh = min((row.speed_kmh for row in reference.file.rows), key=lambda speed: abs(speed - SPEED_KMH))
     found = []
     for plant, causality in product(PLANTS, controllers.CAUSALITIES):
         makes = {name: (makers or {}).get(name) or partial(controllers.make, name) for name in names}
-        makes = {k: make for k, make in makes.items() if hasattr(make(PLANTS[plant], reference, causality), "law")}
+        makes = {k: make for k, make in makes.items() if linearisable(make(PLANTS[plant], reference, causality))}
         own, stable = rendered(makes, plant, causality, reference, speed_kmh)
         for name, mask in stable.items():
             width = float(mask.sum() / own.sum()) if own.any() else None

@@ -81,7 +81,7 @@ def test_the_objective_is_the_same_again_and_fears_what_is_unstable():
 
 def test_tuning_never_sees_a_test_plant(monkeypatch):
     seen = []
-    monkeypatch.setattr(tune, "_scored", lambda case, *_: seen.append(case) or {"case": {}, "stable": False})
+    monkeypatch.setattr(tune, "scored", lambda case, *_: seen.append(case) or {"case": {}, "stable": False})
     monkeypatch.setattr(tune, "case_score", lambda *_: 1.0)
     tune.objective("pid", "SbW", "impedance", {}, REFERENCE, 0)
     assert seen

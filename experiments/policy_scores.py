@@ -1,0 +1,107 @@
+"""Learned policies and classical laws on plants, cars and arms that nobody was trained or tuned on, one system alone.
+
+    python -m experiments.policy_scores SbW-Impedance policy:runs/0 policy:runs/1 policy:runs/2 pid lqg [--draws 3]
+
+The benchmark's own test cases, scores, bootstrap intervals and gates; ``steer-env benchmark`` does the same for
+all four systems at once. ``--shake`` tells what a gate does not ask: commands up to 6 ms later than
+the controller was told, and torque sensors with a wrong gain or an offset, in simulation over all arms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+import controllers
+from experiments.bench_gates import unstable_episodes
+from experiments.bench_protocol import Protocol
+from experiments.bench_ranking import standings
+from experiments.bench_run import run_cases
+from experiments.cli_options import progress
+from experiments.periodic_loop import unstable_places
+from experiments.rollout import run
+from experiments.train import config_of
+from steer_env.envs.task import Task
+from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
+
+FAULTS = {"torque gain 0.8": (0.8, 0.0), "torque gain 1.2": (1.2, 0.0), "torque offset 0.3 N m": (1.0, 0.3)}
+LATE_MS = (0, 1, 2, 3, 4, 5, 6)
+SHAKEN_KMH = (45.0, 105.0)
+
+
+def scored(names: Sequence[str], plant: str, causality: str, draws: int, seed: int) -> Table:
+    """Ranks, scores with intervals, unstable episodes and places, on the first ``draws`` plants of each place."""
+    protocol, reference = Protocol.load(), Reference.load("published")
+    cases = [
+        case for name in names for case in protocol.test_cases(name)
+        if (case.plant, case.causality) == (plant, causality) and case.draw < draws
+    ]  # fmt: skip
+    with progress("test cases", total=len(cases)) as advance:
+        results = run_cases(cases, reference, seed, advance=advance)
+    speeds = [row.speed_kmh for row in reference.file.rows]
+    gates = {
+        name: [*unstable_places(partial(controllers.make, name), plant, causality, reference, speeds),
+               *unstable_episodes(name, results, set())]
+        for name in names
+    }  # fmt: skip
+    table = Table("rank", "controller", "JND", "95 %", "unstable episodes", "unstable places")
+    for row in standings(results, protocol, gates, seed):
+        low, high = row.score_interval
+        places = len(gates[row.controller]) - row.unstable
+        table.add_row(
+            str(row.rank), row.controller, f"{row.score:.3f}", f"{low:.3f} to {high:.3f}",
+            f"{row.unstable} of {row.cases}", str(max(places, 0)),
+        )  # fmt: skip
+    return table
+
+
+def shaken(names: Sequence[str], plant: str, causality: str) -> Table:
+    """Unstable episodes under late commands and wrong sensors, of all arms at SHAKEN_KMH."""
+    nominal = PLANTS[plant]
+    table = Table("controller", *(f"{ms} ms late" for ms in LATE_MS), *FAULTS, title="unstable episodes")
+    for name in names:
+        cells = []
+        for ms in LATE_MS:
+            motor = nominal.motor._replace(dead_time=nominal.motor.dead_time + ms)
+            cells.append(_unstable(name, replace(nominal, motor=motor, nominal=nominal), causality))
+        for gain, offset in FAULTS.values():
+            sensors = nominal.sensors._replace(torque_gain=gain, torque_offset=offset)
+            cells.append(_unstable(name, replace(nominal, sensors=sensors, nominal=nominal), causality))
+        table.add_row(name, *cells)
+    return table
+
+
+def _unstable(name: str, hardware: Plant, causality: str) -> str:
+    reference = Reference.load("published")
+    controller: Any = controllers.make(name, hardware.believed(), reference, causality)
+    episodes = []
+    for (arm, driver), speed in product(DRIVERS.items(), SHAKEN_KMH):
+        manoeuvre = "random_torque" if driver.k == 0.0 else "on_centre_weave"
+        task = Task(hardware, causality, reference, False, None, manoeuvre, speed, arm, duration=6.0)
+        episodes.append(run(task, controller, seed=1).stable)
+    return f"{episodes.count(False)} of {len(episodes)}"
+
+
+@click.command()
+@click.argument("task")
+@click.argument("names", nargs=-1, required=True)
+@click.option("--draws", default=3, show_default=True, type=click.IntRange(1, 3), help="Plants per place.")
+@click.option("--shake", is_flag=True, help="Late commands and wrong sensors instead of scores.")
+@click.option("--seed", default=0, show_default=True)
+def main(task: str, names: tuple[str, ...], draws: int, shake: bool, seed: int) -> None:
+    """Print the standings of controllers NAMES on TASK."""
+    config = config_of(task, 0, {})
+    where = config.plant, config.causality
+    table = shaken(names, *where) if shake else scored(names, *where, draws, seed)
+    Console(width=150).print(table)
+
+
+if __name__ == "__main__":
+    main()
