@@ -33,7 +33,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 
 def scalar(function: F) -> F:
     """A scalar equation: plain Python from Python, inlined in compiled callers."""
-    return register_jitable(error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)(function)
+    return register_jitable(error_model="numpy", forceinline=True, no_cfunc_wrapper=True, no_cpython_wrapper=True)(function)
 
 
 def named(function: F, *parts: Any) -> F:

@@ -178,20 +178,6 @@ def _advance_track(
 
 
 @scalar
-def _admittance_slope(
-    start: ReferenceState,
-    angle: float,
-    rate: float,
-    x: SingleTrackState,
-    M_eff: float,
-    speed: float,
-    p: ReferenceParameters,
-) -> tuple[float, SingleTrackState]:
-    friction = _friction_at(start, angle, p)
-    return reference_rates(angle, rate, x, M_eff, friction, speed, p)
-
-
-@scalar
 def _admittance_substep(
     x: ReferenceState, M0: float, M2: float, speed: float, p: ReferenceParameters, h: float
 ) -> ReferenceState:
@@ -199,13 +185,13 @@ def _admittance_substep(
     M1 = 0.5 * (M0 + M2)
     track = SingleTrackState(x.lateral_speed, x.yaw_rate, x.slip_front, x.slip_rear)
     q0, w0 = x.pinion_angle, x.pinion_rate
-    a0, v0 = _admittance_slope(x, q0, w0, track, M0, speed, p)
-    w1 = w0 + 0.5 * h * a0
-    a1, v1 = _admittance_slope(x, q0 + 0.5 * h * w0, w1, vehicle.moved(track, 0.5 * h, v0), M1, speed, p)
-    w2 = w0 + 0.5 * h * a1
-    a2, v2 = _admittance_slope(x, q0 + 0.5 * h * w1, w2, vehicle.moved(track, 0.5 * h, v1), M1, speed, p)
-    w3 = w0 + h * a2
-    a3, v3 = _admittance_slope(x, q0 + h * w2, w3, vehicle.moved(track, h, v2), M2, speed, p)
+    a0, v0 = reference_rates(q0, w0, track, M0, x.friction, speed, p)
+    q1, w1 = q0 + 0.5 * h * w0, w0 + 0.5 * h * a0
+    a1, v1 = reference_rates(q1, w1, vehicle.moved(track, 0.5 * h, v0), M1, _friction_at(x, q1, p), speed, p)
+    q2, w2 = q0 + 0.5 * h * w1, w0 + 0.5 * h * a1
+    a2, v2 = reference_rates(q2, w2, vehicle.moved(track, 0.5 * h, v1), M1, _friction_at(x, q2, p), speed, p)
+    q3, w3 = q0 + h * w2, w0 + h * a2
+    a3, v3 = reference_rates(q3, w3, vehicle.moved(track, h, v2), M2, _friction_at(x, q3, p), speed, p)
     angle = q0 + vehicle.rk4_mean(w0, w1, w2, w3, h)
     rate = w0 + vehicle.rk4_mean(a0, a1, a2, a3, h)
     t = vehicle.moved_rk4(track, v0, v1, v2, v3, h)

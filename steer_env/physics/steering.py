@@ -7,6 +7,7 @@ sensor as the elastic element, the motor's rotor as the lower body, motor_ratio 
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 from steer_env.physics._jit import scalar
@@ -58,11 +59,10 @@ def torsion_bar_torque(x: SteeringMotion, p: Steering) -> float:
 @scalar
 def end_stop_torque(angle: float, rate: float, p: Steering) -> float:
     """End-stop torque in N m against the lower body; zero inside the limit, never pulling."""
-    beyond_left = max(angle - p.angle_limit, 0.0)
-    beyond_right = max(-angle - p.angle_limit, 0.0)
-    left = max(p.c_stop * beyond_left + p.b_stop * rate, 0.0) if beyond_left > 0.0 else 0.0
-    right = max(p.c_stop * beyond_right - p.b_stop * rate, 0.0) if beyond_right > 0.0 else 0.0
-    return left - right
+    beyond = abs(angle) - p.angle_limit
+    outwards = math.copysign(1.0, angle)
+    held = max(p.c_stop * beyond + p.b_stop * (rate * outwards), 0.0)
+    return held * outwards if beyond > 0.0 else 0.0
 
 
 @scalar
