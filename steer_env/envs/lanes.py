@@ -14,15 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.envs.layout import PARAMETERS, PERIOD, STATE, Clock, Truth
-from steer_env.envs.parts import arrived, commanded, driven, judged, next_speed, readings, set_speed, truth_of
-from steer_env.manoeuvres import hand_at
+from steer_env.envs.parts import driven, judged, next_speed, readings, set_speed, through, truth_of
+from steer_env.manoeuvres import MANOEUVRES
 from steer_env.physics._jit import named, scalar
 from steer_env.physics.control_unit import Commands, Observation, control_unit_step
 from steer_env.physics.driver import Hand
 from steer_env.physics.lanes import WIDTH, lane_loader, lane_storer
+from steer_env.physics.motor import limited_command
 from steer_env.physics.rows import Layout
 
 Array = NDArray[np.float64]
+Signal = tuple[Callable[[float, Any], Hand], tuple[float, ...]]
 
 
 class Switches(NamedTuple):
@@ -58,8 +60,9 @@ BENCH = Layout(wires=Wires, hand=Hand, observation=Observation, truth=Truth)
 # or to check in every period, that none of them overlap.
 PARAMETER_ROWS = slice(0, PARAMETERS.size)
 STATE_ROWS = slice(PARAMETERS.size, PARAMETERS.size + STATE.size)
-BLOCK_SIZE = PARAMETERS.size + STATE.size + BENCH.size
-START = {id(PARAMETERS): 0, id(STATE): STATE_ROWS.start, id(BENCH): STATE_ROWS.stop}
+BENCH_ROWS = slice(STATE_ROWS.stop, STATE_ROWS.stop + BENCH.size)
+BLOCK_SIZE = BENCH_ROWS.stop
+START = {id(PARAMETERS): 0, id(STATE): STATE_ROWS.start, id(BENCH): BENCH_ROWS.start}
 
 
 def switches_of(row: Array, table: Array, car_table: Array) -> Switches | None:
@@ -90,37 +93,89 @@ _generator, _store_generator = _lanes(STATE, "generator")
 _judge, _store_judge = _lanes(STATE, "judge")
 _commands, _store_commands = _lanes(STATE, "commands")
 _clock, _store_clock = _lanes(STATE, "clock")
+_track, _ = _lanes(STATE, "track")
 _wires, _store_wires = _lanes(BENCH, "wires")
 _hand, _store_hand = _lanes(BENCH, "hand")
 _any_episode, _ = _lanes(PARAMETERS, "episode")
 load_observation, store_observation = _lanes(BENCH, "observation")
 load_truth, store_truth = _lanes(BENCH, "truth")
-COMMAND = STATE_ROWS.stop + BENCH.column("wires", "command")
-NOISE = STATE_ROWS.stop + BENCH.column("wires", "noise_angle")
+
+
+def row_of(layout: Layout, record: str, field: str) -> int:
+    """Row of the block in which a field lies."""
+    return START[id(layout)] + layout.column(record, field)
+
+
+COMMAND, NOISE_ANGLE, NOISE_TORQUE, K, LIMITED, TARGET, ANGLE, TORQUE, MOTOR_TORQUE = (
+    row_of(BENCH, "wires", name)
+    for name in (
+        "command",
+        "noise_angle",
+        "noise_torque",
+        "period",
+        "limited",
+        "target",
+        "angle",
+        "torque",
+        "motor_torque",
+    )
+)
+DEAD_TIME, ANGLE_DELAY = row_of(PARAMETERS, "motor", "dead_time"), row_of(PARAMETERS, "sensors", "angle_delay")
+TORQUE_DELAY, SPEED = row_of(PARAMETERS, "sensors", "torque_delay"), row_of(STATE, "clock", "speed")
+KIND, SPEED_RATE = row_of(PARAMETERS, "episode", "kind"), row_of(PARAMETERS, "episode", "speed_rate")
 
 
 @scalar
-def _ask(lane: int, b: Any, lines: Any, table: Any, car_table: Any) -> None:
-    """Speed, motor target and hand of one lane."""
-    episode, clock, given = _any_episode(b, lane), _clock(b, lane), _wires(b, lane)
-    k = int(clock.period)
-    speed = next_speed(clock.speed, episode)
-    if speed != clock.speed:
+def _accelerate(lane: int, b: Any, table: Any, car_table: Any) -> None:
+    """Reference and car of a lane at a speed that changes."""
+    before = b[SPEED, lane]
+    speed = next_speed(before, _any_episode(b, lane))
+    if speed != before:
         set_speed(speed, b[PARAMETER_ROWS, lane], b[STATE_ROWS, lane], table, car_table)
-    limited, target = commanded(given.command, k, _commands(b, lane).last_1, _motor(b, lane), lines[:, :, lane])
-    now = Wires(clock.period, speed, given.command, limited, target, given.noise_angle, given.noise_torque, 0.0, 0.0, 0.0)
-    _store_wires(b, lane, now)
-    _store_hand(b, lane, hand_at(episode.kind, (k + 0.5) * PERIOD, _manoeuvre(b, lane)))
 
 
 @scalar
-def _wait(lane: int, b: Any, lines: Any) -> None:
-    """The delay lines of one lane: the readings that have arrived in place of the present ones."""
-    w = _wires(b, lane)
-    here = lines[:, :, lane]
-    angle, torque, motor = arrived(int(w.period), w.angle, w.torque, w.motor_torque, _sensors(b, lane), here)
-    now = Wires(w.period, w.speed, w.command, w.limited, w.target, w.noise_angle, w.noise_torque, angle, torque, motor)
-    _store_wires(b, lane, now)
+def _command(lane: int, b: Any) -> None:
+    """Clock and limited command of one lane."""
+    clock, given = _clock(b, lane), _wires(b, lane)
+    speed = next_speed(clock.speed, _any_episode(b, lane))
+    limited = limited_command(given.command, _commands(b, lane).last_1, _motor(b, lane), PERIOD)
+    now = given.noise_angle, given.noise_torque
+    _store_wires(b, lane, Wires(clock.period, speed, given.command, limited, 0.0, *now, 0.0, 0.0, 0.0))
+
+
+def _hands(signals: list[Signal]) -> Callable[[float, Any], None]:
+    """A function (kind, block) that stores what the hands of all lanes do in one kind of manoeuvre."""
+    signal, numbers = signals[0][0], signals[0][1]
+
+    def lanes(b: Any) -> None:
+        for lane in range(WIDTH):
+            _store_hand(b, lane, signal((_wires(b, lane).period + 0.5) * PERIOD, _manoeuvre(b, lane)))
+
+    move = scalar(named(lanes, *numbers))
+    if len(signals) == 1:
+
+        def last(kind: float, b: Any) -> None:
+            move(b)
+
+        return scalar(named(last, *numbers))
+    others = _hands(signals[1:])
+
+    def chosen(kind: float, b: Any) -> None:
+        if kind in numbers:
+            move(b)
+        else:
+            others(kind, b)
+
+    return scalar(named(chosen, *numbers))
+
+
+_move_hands = _hands(
+    [
+        (signal, tuple(float(k) for k, row in enumerate(MANOEUVRES.values()) if row.signal is signal))
+        for signal in dict.fromkeys(row.signal for row in MANOEUVRES.values())
+    ]
+)
 
 
 def make_lanes_period(switches: Switches) -> Callable[..., None]:
@@ -141,7 +196,19 @@ def make_lanes_period(switches: Switches) -> Callable[..., None]:
             _plant(b, lane), w.target, hand, w.speed, share, steering, motor.bandwidth_Hz, driver, car, None
         )
         ideal, error, cost, judge = judged(
-            x, M_tb, hand, w.speed, _judge(b, lane), episode, weights, steering, driver, reference, car, None
+            x,
+            M_tb,
+            hand,
+            w.speed,
+            _judge(b, lane),
+            episode,
+            weights,
+            steering,
+            driver,
+            reference,
+            _track(b, lane),
+            car,
+            None,
         )
         angle, torque = readings(x, M_tb, w.noise_angle, w.noise_torque, _sensors(b, lane))
         verdict, last = (ideal, error, cost), _commands(b, lane).last_1
@@ -170,6 +237,7 @@ def make_lanes_period(switches: Switches) -> Callable[..., None]:
             clock.last_reference,
             _observer(b, lane),
             reference_of(b, lane),
+            _track(b, lane),
             PERIOD,
         )
         _store_seen(b, lane, seen)
@@ -182,11 +250,21 @@ def make_lanes_period(switches: Switches) -> Callable[..., None]:
 
     def period(b: Any, lines: Any, table: Any, car_table: Any) -> None:
         for lane in range(WIDTH):
-            _ask(lane, b, lines, table, car_table)
+            if b[SPEED_RATE, lane] != 0.0:
+                _accelerate(lane, b, table, car_table)
+        for lane in range(WIDTH):
+            _command(lane, b)
+        for lane in range(WIDTH):
+            k, dead_time = int(b[K, lane]), int(b[DEAD_TIME, lane])
+            b[TARGET, lane] = through(0, k, b[LIMITED, lane], dead_time, lines[:, :, lane])
+        _move_hands(b[KIND, 0], b)
         for lane in range(WIDTH):
             drive_lane(lane, b)
         for lane in range(WIDTH):
-            _wait(lane, b, lines)
+            k, late, here = int(b[K, lane]), int(b[ANGLE_DELAY, lane]), lines[:, :, lane]
+            b[ANGLE, lane] = through(1, k, b[ANGLE, lane], late, here)
+            b[TORQUE, lane] = through(2, k, b[TORQUE, lane], int(b[TORQUE_DELAY, lane]), here)
+            b[MOTOR_TORQUE, lane] = through(3, k, b[MOTOR_TORQUE, lane], late, here)
         for lane in range(WIDTH):
             see_lane(lane, b)
 

@@ -11,25 +11,24 @@ from steer_env.envs.layout import (
     PERIOD,
     STATE,
     SUBSTEPS,
-    Clock,
     Episode,
     Reward,
     Truth,
 )
-from steer_env.manoeuvres import hand_at
 from steer_env.physics import plant
-from steer_env.physics._jit import named, scalar
-from steer_env.physics.control_unit import Commands, Observation, control_unit_step
+from steer_env.physics._jit import named, scalar, seldom
 from steer_env.physics.driver import Driver, Hand, driver_torque
 from steer_env.physics.effects.acting import bar_torques
-from steer_env.physics.motor import Motor, lag_decay, limited_command
+from steer_env.physics.motor import Motor, lag_decay
 from steer_env.physics.plant import PlantState, plant_step
 from steer_env.physics.reference import (
     ReferenceParameters,
     ReferenceState,
+    TrackMap,
     admittance_step,
     impedance_step,
     single_track_of,
+    track_map_column,
 )
 from steer_env.physics.sensors import Sensors, measured
 from steer_env.physics.steering import Steering
@@ -44,8 +43,10 @@ REFERENCE, CAR = STATE["reference"].start, STATE["car"].start
 CAR_M, CAR_J_Z = STATE.column("car", "m"), STATE.column("car", "J_z")
 CAR_C_F, CAR_C_R = STATE.column("car", "C_f"), STATE.column("car", "C_r")
 CAR_N_T = STATE.column("car", "n_t")
+TRACK = STATE["track"].start
 
 _car_spread = PARAMETERS.loader("car_spread")
+_reference = STATE.loader("reference")
 
 
 PlantSteps = Callable[..., PlantState]
@@ -88,7 +89,7 @@ def _row_at(speed: float, table: Any, s_row: Any, start: int) -> None:
         s_row[start + j] = below + share * (table[high, 1 + j] - below)
 
 
-@scalar
+@seldom
 def set_speed(speed: float, p_row: Any, s_row: Any, table: Any, car_table: Any) -> None:
     """Put the reference and the car of a speed in m/s into the state row."""
     _row_at(speed, table, s_row, REFERENCE)
@@ -99,6 +100,11 @@ def set_speed(speed: float, p_row: Any, s_row: Any, table: Any, car_table: Any) 
     s_row[CAR_C_F] *= spread.grip
     s_row[CAR_C_R] *= spread.grip
     s_row[CAR_N_T] *= spread.trail
+    reference = _reference(s_row)
+    for k in range(6):
+        column = track_map_column(k, speed, reference, PERIOD)
+        for j in range(4):
+            s_row[TRACK + 4 * k + j] = column[j]
 
 
 @scalar
@@ -112,11 +118,10 @@ def next_speed(speed: float, e: Episode) -> float:
 
 
 @scalar
-def commanded(command: float, k: int, last: float, motor: Motor, lines: Any) -> tuple[float, float]:
-    """(command within its limits, motor target after the dead time) in N m in period ``k``."""
-    limited = limited_command(command, last, motor, PERIOD)
-    lines[0, k & 15] = limited
-    return limited, lines[0, (k - int(motor.dead_time)) & 15]
+def through(line: int, k: int, value: float, delay: int, lines: Any) -> float:
+    """Put the value of period ``k`` into a delay line of LINES; what comes out was put in ``delay`` periods ago."""
+    lines[line, k & 15] = value
+    return lines[line, (k - delay) & 15]
 
 
 @scalar
@@ -155,18 +160,6 @@ def readings(
 
 
 @scalar
-def arrived(
-    k: int, angle: float, torque: float, motor_torque: float, sensors: Sensors, lines: Any
-) -> tuple[float, float, float]:
-    """The readings of period ``k`` go into their lines; what has arrived by now comes out."""
-    lines[1, k & 15] = angle
-    lines[2, k & 15] = torque
-    lines[3, k & 15] = motor_torque
-    sensed_at = (k - int(sensors.angle_delay)) & 15
-    return lines[1, sensed_at], lines[2, (k - int(sensors.torque_delay)) & 15], lines[3, sensed_at]
-
-
-@scalar
 def judged(
     x: PlantState,
     M_tb: float,
@@ -178,6 +171,7 @@ def judged(
     steering: Steering,
     driver: Driver,
     reference: ReferenceParameters,
+    track: TrackMap,
     car: ReferenceParameters,
     effects: Any,
 ) -> tuple[float, float, float, ReferenceState]:
@@ -190,9 +184,7 @@ def judged(
     rates, _ = plant.plant_rates(
         q, v, frictions, x.motor_torque, hand, speed, episode.rack_share, steering, driver, car, effects
     )
-    ideal, _, now = impedance_step(
-        x.pinion_angle, x.pinion_rate, rates.pinion_rate, judge, speed, reference, PERIOD
-    )
+    ideal, _, now = impedance_step(x.pinion_angle, x.pinion_rate, rates.pinion_rate, judge, speed, reference, track)
     error = M_tb - ideal
     return ideal, error, abs(error) / weights.torque_scale, now
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from steer_env.envs.layout import PARAMETERS, PERIOD, STATE, Clock, Truth
-from steer_env.envs.parts import arrived, commanded, driven, judged, next_speed, readings, set_speed, truth_of
+from steer_env.envs.parts import driven, judged, next_speed, readings, set_speed, through, truth_of
 from steer_env.manoeuvres import hand_at
 from steer_env.physics._jit import scalar
 from steer_env.physics.control_unit import Commands, Observation, control_unit_step
+from steer_env.physics.motor import limited_command
 
 __all__ = ["control_period", "set_speed"]
 
@@ -27,7 +28,7 @@ _load_judge, _store_judge = STATE.loader("judge"), STATE.storer("judge")
 _load_commands, _store_commands = STATE.loader("commands"), STATE.storer("commands")
 _load_clock, _store_clock = STATE.loader("clock"), STATE.storer("clock")
 _load_reference = STATE.loader("reference")
-_load_car = STATE.loader("car")
+_load_track, _load_car = STATE.loader("track"), STATE.loader("car")
 
 
 @scalar
@@ -55,21 +56,25 @@ def control_period(
     speed = next_speed(clock.speed, episode)
     if speed != clock.speed:
         set_speed(speed, p_row, s_row, table, car_table)
-    reference, car = _load_reference(s_row), _load_car(s_row)
+    reference, track, car = _load_reference(s_row), _load_track(s_row), _load_car(s_row)
 
-    limited, target = commanded(command, k, commands.last_1, motor, lines)
+    limited = limited_command(command, commands.last_1, motor, PERIOD)
+    target = through(0, k, limited, int(motor.dead_time), lines)
     hand = hand_at(episode.kind, (k + 0.5) * PERIOD, _manoeuvre(p_row))
     x, M_tb = driven(
         _load_plant(s_row), target, hand, speed, episode.rack_share, steering, motor.bandwidth_Hz, driver, car, effects
     )
     _store_plant(s_row, x)
     ideal, error, cost, judge = judged(
-        x, M_tb, hand, speed, _load_judge(s_row), episode, weights, steering, driver, reference, car, effects
+        x, M_tb, hand, speed, _load_judge(s_row), episode, weights, steering, driver, reference, track, car, effects
     )
     _store_judge(s_row, judge)
 
     angle, torque = readings(x, M_tb, noise_angle, noise_torque, sensors)
-    angle, torque, motor_estimate = arrived(k, angle, torque, x.motor_torque, sensors, lines)
+    late = int(sensors.angle_delay)
+    angle = through(1, k, angle, late, lines)
+    torque = through(2, k, torque, int(sensors.torque_delay), lines)
+    motor_estimate = through(3, k, x.motor_torque, late, lines)
     sent = Commands(limited, commands.last_1, commands.last_2, commands.last_3)
     observation, seen, generator = control_unit_step(
         angle,
@@ -83,6 +88,7 @@ def control_period(
         clock.last_reference,
         _observer(p_row),
         reference,
+        track,
         PERIOD,
     )
     _store_observer(s_row, seen)

@@ -71,7 +71,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._observation = np.zeros((1, n))
         self._scaled = np.zeros((1, n), np.float32)
         self._truth = np.zeros((1, len(Truth._fields)))
-        self._scales = np.ones((1, n))
+        self._per_scale = np.ones((1, n))
         self._observation_row, self._scaled_row, self._truth_row = self._observation[0], self._scaled[0], self._truth[0]
         self._command = np.zeros(1)
         self._viewer: Any = None
@@ -115,14 +115,14 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._setup = prepare(self.task, self.np_random, PERIOD)
         self._rows[0][0] = self._setup.row
         self._rated_torque = self.motor.rated_torque
-        self._scales[0] = scales_of(self.task.causality, self._rated_torque)
+        self._per_scale[0] = 1.0 / np.array(scales_of(self.task.causality, self._rated_torque))
         batch.start_batch(*self._rows, self._setup.table, self._setup.car_table)
         self._period = 0
         self._draw_noise()
         speed = PARAMETERS.read(self._setup.row, "episode").speed
         self._observation[0] = 0.0
         self._observation[0, Observation._fields.index("speed")] = speed
-        self._scaled[0] = self._observation[0] / self._scales[0]
+        self._scaled[0] = self._observation[0] * self._per_scale[0]
         self._truth[0] = 0.0
         self._truth[0, Truth._fields.index("speed")] = speed
         if self._viewer is not None:
@@ -148,7 +148,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             *self._rows,
             self._setup.table,
             self._setup.car_table,
-            self._scales,
+            self._per_scale,
             self._observation,
             self._scaled,
             self._truth,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from steer_env.physics._jit import scalar
-from steer_env.physics.exponential import exponential
+from steer_env.physics.elementary import exponential
 
 # Eq. 14 grows without bound where the identified off-centre stiffness is zero (15 km/h): no data
 # stand behind a gain above about 21 (Table 3, 30 km/h), so the gain stops at twice that. Our
@@ -47,7 +47,7 @@ def inverse_assist(M_eff: float, r: float, sigma: float) -> float:
     y = |M_eff| / sigma, the uncapped law reads u - r y = (1 - r) y exp(-u^2 / 2). The start is a rational fit of the
     root at r = 0 (within 1.3 % up to y = 120, beyond which the cap rules), or r y where that is more. Three steps of
     Halley's rule end within 2e-15 of the root for every r and y; their number is fixed, so that many inverses at once
-    compile to vector code. The capped law is a straight line; the larger of both roots is the root of the smaller assist.
+    compile to vector code. The cap makes the assist a straight line where that is smaller, and its root is then larger.
     """
     target = abs(M_eff)
     y = target / sigma

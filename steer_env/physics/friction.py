@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from steer_env.physics._jit import scalar
-from steer_env.physics.exponential import exponential
+from steer_env.physics.elementary import exponential
 
 
 @scalar

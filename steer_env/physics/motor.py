@@ -6,7 +6,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from steer_env.physics._jit import scalar
-from steer_env.physics.exponential import exponential
+from steer_env.physics.elementary import exponential
 from steer_env.units import Quantity
 
 

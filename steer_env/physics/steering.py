@@ -101,8 +101,9 @@ def steering_rates_with(
 ) -> SteeringMotion:
     """As ``steering_rates``, with the bar's torque handed in: ``M_tb`` on the pinion, ``M_up`` on the wheel."""
     M_stop = end_stop_torque(x.pinion_angle, x.pinion_rate, p)
-    wheel = (M_s - M_up - M_s_fric - p.b_s * x.steering_rate) * (1.0 / (p.J_s + J_driver))
-    lower = M_tb + p.motor_ratio * motor_torque - M_rack - M_fric - M_stop - p.b_pin * x.pinion_rate
+    # Frictions last: a processor can do the rest while it works out their exponentials.
+    wheel = (M_s - M_up - p.b_s * x.steering_rate - M_s_fric) * (1.0 / (p.J_s + J_driver))
+    lower = M_tb + p.motor_ratio * motor_torque - M_rack - M_stop - p.b_pin * x.pinion_rate - M_fric
     return SteeringMotion(x.steering_rate, wheel, x.pinion_rate, lower * (1.0 / p.J_pin))
 
 

@@ -1,0 +1,104 @@
+"""Compiled entry points over blocks of lanes: one period of many environments, and whole episodes of many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.envs import batch
+from steer_env.envs.batch import Array, Flags, Integers
+from steer_env.envs.lanes import (
+    BENCH,
+    BENCH_ROWS,
+    BLOCK_SIZE,
+    COMMAND,
+    NOISE_ANGLE,
+    NOISE_TORQUE,
+    PARAMETER_ROWS,
+    STATE_ROWS,
+    Switches,
+    load_truth,
+    make_lanes_period,
+)
+from steer_env.envs.layout import LINE_LENGTH, LINES, OBSERVATION_LIMIT, Truth
+from steer_env.physics._jit import compiled_with, named
+from steer_env.physics.control_unit import Observation
+from steer_env.physics.lanes import WIDTH
+
+OBSERVED = BENCH_ROWS.start + BENCH["observation"].start
+TRUE = BENCH_ROWS.start + BENCH["truth"].start
+N_OBSERVED, N_TRUE = len(Observation._fields), len(Truth._fields)
+
+
+def new_blocks(n: int) -> tuple[Array, Array]:
+    """Empty blocks [n, BLOCK_SIZE, WIDTH] and their delay lines [n, 4, 16, WIDTH]."""
+    return np.zeros((n, BLOCK_SIZE, WIDTH)), np.zeros((n, len(LINES), LINE_LENGTH, WIDTH))
+
+
+def start_lane(blocks: Array, lines: Array, i: int, row: Array, table: Array, car_table: Array) -> None:
+    """Bring environment ``i`` with a parameter row to rest at the start of an episode."""
+    parameters, states, line = batch.new_rows(1)
+    parameters[0] = row
+    batch.start_batch(parameters, states, line, table, car_table)
+    block, lane = divmod(i, WIDTH)
+    blocks[block, PARAMETER_ROWS, lane] = parameters[0]
+    blocks[block, STATE_ROWS, lane] = states[0]
+    lines[block, :, :, lane] = line[0]
+
+
+@cache
+def step_blocks(switches: Switches) -> Callable[..., tuple[int, int]]:
+    """The compiled period of full blocks: as ``batch.step_vector``, with blocks and lines for its rows."""
+    period = make_lanes_period(switches)
+
+    def step(
+        shares: Array,
+        rated_torques: Array,
+        noise: Array,
+        next_noise: Integers,
+        periods_left: Integers,
+        blocks: Array,
+        lines: Array,
+        table: Array,
+        car_table: Array,
+        per_scales: Array,
+        observations: Array,
+        scaled: NDArray[np.float32],
+        truths: Array,
+        rewards: Array,
+        clipped: Flags,
+        ended: Flags,
+    ) -> tuple[int, int]:
+        n_ended, n_lacking = 0, 0
+        for k in range(blocks.shape[0]):
+            block, first = blocks[k], k * WIDTH
+            for lane in range(WIDTH):
+                i = first + lane
+                share, draw = shares[i], next_noise[i]
+                clipped[i] = share < -1.0 or share > 1.0
+                block[COMMAND, lane] = min(max(share, -1.0), 1.0) * rated_torques[i]
+                block[NOISE_ANGLE, lane], block[NOISE_TORQUE, lane] = noise[i, draw, 0], noise[i, draw, 1]
+                next_noise[i] = draw + 1
+                n_lacking += draw + 1 == noise.shape[1]
+            period(block, lines[k], table, car_table)
+            for j in range(N_OBSERVED):
+                for lane in range(WIDTH):
+                    value = block[OBSERVED + j, lane]
+                    observations[j, first + lane] = value
+                    part = value * per_scales[j, first + lane]
+                    scaled[first + lane, j] = min(max(part, -OBSERVATION_LIMIT), OBSERVATION_LIMIT)
+            for j in range(N_TRUE):
+                for lane in range(WIDTH):
+                    truths[j, first + lane] = block[TRUE + j, lane]
+            for lane in range(WIDTH):
+                i, truth = first + lane, load_truth(block, lane)
+                rewards[i] = batch.reward_of(truth)
+                periods_left[i] -= 1
+                ended[i] = truth.unstable > 0.5 or periods_left[i] <= 0
+                n_ended += ended[i]
+        return n_ended, n_lacking
+
+    return compiled_with(named(step, *switches))
