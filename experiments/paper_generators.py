@@ -22,8 +22,8 @@ from steer_env.physics._jit import compiled
 from steer_env.physics.reference import (
     ReferenceParameters,
     ReferenceState,
-    admittance_step,
     TrackMap,
+    admittance_step,
     impedance_step,
     track_map,
 )

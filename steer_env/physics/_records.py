@@ -6,7 +6,7 @@ they would be a third of all functions of a control period, and of the wait befo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from llvmlite import ir
@@ -15,6 +15,12 @@ from numba.extending import lower_builtin, type_callable
 
 Address = Callable[[Any, Any, Any, Sequence[Any], int], Any]
 """(context, builder, type of the array, arguments, field) -> where the field lies."""
+Fixed = Sequence[float | None]
+
+
+def type_of(record: Any) -> Any:
+    """The numba type of a NamedTuple of floats."""
+    return types.NamedUniTuple(types.float64, len(record._fields), record)
 
 
 def row_address(context: Any, builder: Any, kind: Any, arguments: Sequence[Any], place: int) -> Any:
@@ -37,12 +43,13 @@ def lane_address(width: int) -> Address:
     return address
 
 
-def reads(
-    function: Callable[..., Any], record: Any, start: int, address: Address, fixed: Sequence[float | None] = ()
-) -> None:
-    """Compile ``function(array, ...)`` to reading the record from ``start`` on; ``fixed`` values are not read."""
-    result = types.NamedUniTuple(types.float64, len(record._fields), record)
-    constants = list(fixed) or [None] * len(record._fields)
+def reads(function: Callable[..., Any], result: Any, start: int, address: Address, fixed: Fixed = ()) -> None:
+    """Compile ``function(array, ...)`` to reading a record of numba type ``result`` from ``start`` on.
+
+    ``fixed`` values, by their place in a flat record, are not read.
+    """
+    n = _leaves(result)
+    constants = list(fixed) or [None] * n
 
     @type_callable(function)
     def _type(context: Any) -> Any:
@@ -59,7 +66,7 @@ def reads(
             else ir.Constant(ir.DoubleType(), constant)
             for k, constant in enumerate(constants)
         ]
-        return context.make_tuple(builder, result, values)
+        return _folded(context, builder, result, iter(values))
 
 
 def writes(function: Callable[..., None], start: int, address: Address) -> None:
@@ -75,9 +82,8 @@ def writes(function: Callable[..., None], start: int, address: Address) -> None:
     @lower_builtin(function, types.Array, types.Integer, types.BaseTuple)
     def _lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         given = _with_index(context, builder, signature, arguments)
-        for k, value in enumerate(cgutils.unpack_tuple(builder, arguments[-1])):
-            as_float = context.cast(builder, value, list(signature.args[-1])[k], types.float64)
-            builder.store(as_float, address(context, builder, signature.args[0], given, start + k))
+        for k, value in enumerate(_flat(context, builder, signature.args[-1], arguments[-1])):
+            builder.store(value, address(context, builder, signature.args[0], given, start + k))
         return context.get_dummy_value()
 
 
@@ -86,3 +92,22 @@ def _with_index(context: Any, builder: Any, signature: Any, arguments: Sequence[
     if len(arguments) < 2 or not isinstance(signature.args[1], types.Integer):
         return arguments
     return [arguments[0], context.cast(builder, arguments[1], signature.args[1], types.intp)]
+
+
+def _leaves(kind: Any) -> int:
+    return sum(_leaves(part) for part in kind) if isinstance(kind, types.BaseTuple) else 1
+
+
+def _folded(context: Any, builder: Any, kind: Any, values: Iterator[Any]) -> Any:
+    """Values one after the other as a record, which may hold others."""
+    if not isinstance(kind, types.BaseTuple):
+        return next(values)
+    return context.make_tuple(builder, kind, [_folded(context, builder, part, values) for part in kind])
+
+
+def _flat(context: Any, builder: Any, kind: Any, value: Any) -> list[Any]:
+    """The floats of a record, which may hold others, one after the other."""
+    if not isinstance(kind, types.BaseTuple):
+        return [context.cast(builder, value, kind, types.float64)]
+    parts = zip(kind, cgutils.unpack_tuple(builder, value), strict=True)
+    return [leaf for part, inner in parts for leaf in _flat(context, builder, part, inner)]

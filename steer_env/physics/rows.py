@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.physics._records import reads, row_address, writes
+from steer_env.physics._records import reads, row_address, type_of, writes
 
 Row = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def loader(record: Any, start: int) -> Callable[[Row], Any]:
     def load(row: Row) -> Any:
         return record(*row[start:end].tolist())
 
-    reads(load, record, start, row_address)
+    reads(load, type_of(record), start, row_address)
     return load
 
 
