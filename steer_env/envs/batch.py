@@ -30,7 +30,8 @@ def reward_of(truth: Truth) -> float:
 
 
 @scalar
-def _clipped(value: float, limit: float) -> float:
+def clipped(value: float, limit: float) -> float:
+    """The value, or the limit that it exceeds."""
     return min(max(value, -limit), limit)
 
 
@@ -88,7 +89,7 @@ def step_batch(
         _store_observation(observations[i], observation)
         _store_truth(truths[i], truth)
         for j in range(observations.shape[1]):
-            scaled[i, j] = _clipped(observations[i, j] * per_scales[i, j], OBSERVATION_LIMIT)
+            scaled[i, j] = clipped(observations[i, j] * per_scales[i, j], OBSERVATION_LIMIT)
 
 
 @compiled
@@ -126,7 +127,7 @@ def step_vector(
         share, k, row = shares[i], next_noise[i], i - first
         clipped[i] = share < -1.0 or share > 1.0
         observation, truth = control_period(
-            _clipped(share, 1.0) * rated_torques[i],
+            min(max(share, -1.0), 1.0) * rated_torques[i],
             noise[i, k, 0],
             noise[i, k, 1],
             parameters[row],
@@ -139,7 +140,8 @@ def step_vector(
         _store_observation(observations[:, i], observation)
         _store_truth(truths[:, i], truth)
         for j in range(observations.shape[0]):
-            scaled[i, j] = _clipped(observations[j, i] * per_scales[j, i], OBSERVATION_LIMIT)
+            part = observations[j, i] * per_scales[j, i]
+            scaled[i, j] = min(max(part, -OBSERVATION_LIMIT), OBSERVATION_LIMIT)
         rewards[i] = reward_of(truth)
         next_noise[i] = k + 1
         n_lacking += next_noise[i] == noise.shape[1]
