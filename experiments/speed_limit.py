@@ -52,6 +52,24 @@ def proportional(o: Observation, x: Nothing, p: Gain) -> tuple[float, Nothing]:
     return p.gain * (o.reference - o.torsion_bar_torque), x
 
 
+class Proportional:
+    """The law as a controller."""
+
+    parameters = Gain(GAIN)
+    law = staticmethod(proportional)
+
+    def reset(self, period: float) -> None:
+        """Nothing is kept."""
+
+    def state(self) -> Nothing:
+        """No memory."""
+        return Nothing()
+
+    def __call__(self, o: Observation) -> float:
+        """Motor torque in N m."""
+        return proportional(o, Nothing(), self.parameters)[0]
+
+
 class Block:
     """32 different environments at rest, and noise for them."""
 

@@ -31,6 +31,7 @@ UNSTABLE = "unstable: the wheel was thrown beyond any sane rate or torque"
 COMPLETE = "end of the manoeuvre"
 RENDER_FPS = 25
 TRUTH_NAMES = Truth._fields
+_record: Any = tuple.__new__  # what Observation._make does, without its call and its check of the length
 
 
 class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -136,11 +137,11 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """One control period with a motor torque as a share of the rated torque."""
         if self._period < 0:
             raise RuntimeError("step before reset: call env.reset() first")
-        share = float(np.asarray(action).item())
+        share = float(action.item() if type(action) is np.ndarray else np.asarray(action).item())
         if not math.isfinite(share):
             raise ValueError(f"action is {share}: give a finite share of the rated torque in [-1, 1]")
         clipped = share < -1.0 or share > 1.0
-        command = min(max(share, -1.0), 1.0) * self._rated_torque
+        command = math.copysign(self._rated_torque, share) if clipped else share * self._rated_torque
         if not self._noise:
             self._draw_noise()
         setup, noise = self._setup, self._noise.pop()
@@ -158,7 +159,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def _info(self, clipped: bool, ended: str) -> dict[str, Any]:
         values = self._report.tolist()
         info: dict[str, Any] = dict(zip(TRUTH_NAMES, values, strict=False))  # the observation comes after the truth
-        info["observation"] = Observation._make(values[N_TRUE:])
+        info["observation"] = _record(Observation, values[N_TRUE:])
         info["clipped"] = clipped
         info["ended"] = ended
         return info

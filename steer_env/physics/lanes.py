@@ -14,6 +14,7 @@ from typing import Any
 import numba
 from numba.core import types
 
+from steer_env.physics._jit import named
 from steer_env.physics._records import lane_address, reads, type_of, writes
 
 WIDTH = 32  # environments side by side: a few vectors of a processor, and a block that stays in its nearest caches
@@ -31,7 +32,7 @@ def lane_loader(record: Any, start: int, fixed: Mapping[str, float] | None = Non
         given = enumerate(constants)
         return record(*(float(block[start + k, lane]) if value is None else value for k, value in given))
 
-    reads(load, type_of(record), start, _ADDRESS, constants)
+    reads(named(load, record, start), type_of(record), start, _ADDRESS, constants)
     return load
 
 
@@ -42,7 +43,7 @@ def lane_storer(record: Any, start: int) -> Callable[[Any, int, Any], None]:
         for k, value in enumerate(values):
             block[start + k, lane] = value
 
-    writes(store, start, _ADDRESS)
+    writes(named(store, record, start), start, _ADDRESS)
     return store
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.physics._jit import named
 from steer_env.physics._records import reads, row_address, type_of, writes
 
 Row = NDArray[np.float64]
@@ -25,7 +26,7 @@ def loader(record: Any, start: int) -> Callable[[Row], Any]:
     def load(row: Row) -> Any:
         return record(*row[start:end].tolist())
 
-    reads(load, type_of(record), start, row_address)
+    reads(named(load, record, start), type_of(record), start, row_address)
     return load
 
 
@@ -36,7 +37,7 @@ def storer(record: Any, start: int) -> Callable[[Row, Any], None]:
     def store(row: Row, values: Any) -> None:
         row[start:end] = values
 
-    writes(store, start, row_address)
+    writes(named(store, record, start), start, row_address)
     return store
 
 
