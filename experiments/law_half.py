@@ -21,6 +21,7 @@ from experiments.operating_points import Place
 from steer_env.envs.layout import PERIOD
 from steer_env.interface import Controller, Law, Observation
 from steer_env.physics._jit import compiled_with, named
+from steer_env.physics.rows import loader
 
 Array = NDArray[np.float64]
 

@@ -20,6 +20,7 @@ Flags = NDArray[np.bool_]
 
 _store_clock = STATE.storer("clock")
 _episode = PARAMETERS.loader("episode")
+LAST_TORQUES = Observation._fields.index("last_torque_1")  # and all after it
 _store_observation, _store_truth = storer(Observation, 0), storer(Truth, 0)
 
 
@@ -105,7 +106,8 @@ def step_vector(
     lines: Array,
     table: Array,
     car_table: Array,
-    per_scales: Array,
+    per_scale: Array,
+    per_rated_torques: Array,
     observations: Array,
     scaled: NDArray[np.float32],
     truths: Array,
@@ -120,7 +122,7 @@ def step_vector(
     ``next_noise`` [n]; ``periods_left`` [n] counts down to the end of the manoeuvre. Parameters,
     states and lines have rows for the n - first environments only. Fills columns of
     ``observations`` [o, n] in SI and ``truths`` [t, n], rows of ``scaled`` [n, o] (times
-    ``per_scales`` [o, n]), and rewards, clipped, ended [n].
+    ``per_scale`` [o], the last torques times ``per_rated_torques`` [n]), and rewards, clipped, ended [n].
     """
     n_ended, n_lacking = 0, 0
     for i in range(first, shares.shape[0]):
@@ -140,7 +142,7 @@ def step_vector(
         _store_observation(observations[:, i], observation)
         _store_truth(truths[:, i], truth)
         for j in range(observations.shape[0]):
-            part = observations[j, i] * per_scales[j, i]
+            part = observations[j, i] * (per_rated_torques[i] if j >= LAST_TORQUES else per_scale[j])
             scaled[i, j] = min(max(part, -OBSERVATION_LIMIT), OBSERVATION_LIMIT)
         rewards[i] = reward_of(truth)
         next_noise[i] = k + 1

@@ -46,12 +46,19 @@ _load_score, _store_score = lane_loader(Score, 0), lane_storer(Score, 0)
 OBSERVED = BENCH_ROWS.start + BENCH["observation"].start
 TRUE = BENCH_ROWS.start + BENCH["truth"].start
 SPEED_OBSERVED = OBSERVED + Observation._fields.index("speed")
+CACHE_LINE = 8  # floats
 N_OBSERVED, N_TRUE = len(Observation._fields), len(Truth._fields)
 
 
 def new_blocks(n: int) -> tuple[Array, Array]:
-    """Empty blocks [n, BLOCK_SIZE, WIDTH] and their delay lines [n, 4, 16, WIDTH]."""
-    return np.zeros((n, BLOCK_SIZE, WIDTH)), np.zeros((n, len(LINES), LINE_LENGTH, WIDTH))
+    """Empty blocks [n, BLOCK_SIZE, WIDTH] and their delay lines [n, 4, 16, WIDTH].
+
+    Blocks start at a cache line of the processor: a vector that straddles two costs two loads.
+    """
+    room = np.zeros(n * BLOCK_SIZE * WIDTH + CACHE_LINE)
+    start = -(room.ctypes.data // room.itemsize) % CACHE_LINE
+    blocks = room[start : start + n * BLOCK_SIZE * WIDTH].reshape(n, BLOCK_SIZE, WIDTH)
+    return blocks, np.zeros((n, len(LINES), LINE_LENGTH, WIDTH))
 
 
 def start_lane(blocks: Array, lines: Array, i: int, row: Array, table: Array, car_table: Array) -> None:
@@ -82,7 +89,8 @@ def step_blocks(switches: Switches) -> Callable[..., tuple[int, int]]:
         lines: Array,
         table: Array,
         car_table: Array,
-        per_scales: Array,
+        per_scale: Array,
+        per_rated_torques: Array,
         observations: Array,
         scaled: NDArray[np.float32],
         truths: Array,
@@ -103,11 +111,12 @@ def step_blocks(switches: Switches) -> Callable[..., tuple[int, int]]:
                 n_lacking += draw + 1 == noise.shape[1]
             period(block, lines[k], table, car_table)
             for j in range(N_OBSERVED):
+                per_torque = j >= batch.LAST_TORQUES
                 for lane in range(WIDTH):
-                    value = block[OBSERVED + j, lane]
-                    observations[j, first + lane] = value
-                    part = value * per_scales[j, first + lane]
-                    scaled[first + lane, j] = min(max(part, -OBSERVATION_LIMIT), OBSERVATION_LIMIT)
+                    value, i = block[OBSERVED + j, lane], first + lane
+                    observations[j, i] = value
+                    part = value * (per_rated_torques[i] if per_torque else per_scale[j])
+                    scaled[i, j] = min(max(part, -OBSERVATION_LIMIT), OBSERVATION_LIMIT)
             for j in range(N_TRUE):
                 for lane in range(WIDTH):
                     truths[j, first + lane] = block[TRUE + j, lane]

@@ -16,12 +16,13 @@ from steer_env.envs import batch
 from steer_env.envs.blocks import new_blocks, start_lane, step_blocks
 from steer_env.envs.lanes import switches_of
 from steer_env.envs.layout import OBSERVATION_LIMIT, PARAMETERS, PERIOD, Truth
-from steer_env.envs.steer_env import COMPLETE, NOISE_BLOCK, UNSTABLE, scales_of
+from steer_env.envs.steer_env import COMPLETE, UNSTABLE, scales_of
 from steer_env.envs.task import Task, prepare
 from steer_env.physics._jit import COMPILED
 from steer_env.physics.control_unit import Observation
 from steer_env.physics.lanes import WIDTH
 
+NOISE_BLOCK = 32  # periods of noise drawn at once: half a KiB for each environment
 MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
 N_OBSERVED, N_TRUTH = len(Observation._fields), len(Truth._fields)
 SPEED_OBSERVED, SPEED_TRUE = Observation._fields.index("speed"), Truth._fields.index("speed")
@@ -72,7 +73,7 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
         )
         self.action_space = batch_space(self.single_action_space, n)
         self.observation_space = batch_space(self.single_observation_space, n)
-        self._per_scale = np.ones((N_OBSERVED, n))
+        self._per_rated = np.ones(n)
         self._rated_torque, self._shares = np.ones(n), np.zeros(n)
         self._noise, self._next_noise = np.zeros((n, NOISE_BLOCK, 2)), np.zeros(n, np.int64)
         self._left = np.zeros(n, np.int64)
@@ -128,7 +129,7 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
     def _step_all(self) -> tuple[int, int]:
         """One period of all environments; (how many ended, how many have no noise left)."""
         given: Any = (self._shares, self._rated_torque, self._noise, self._next_noise, self._left)
-        tables: Any = (self._table, self._car_table, self._per_scale)
+        tables: Any = (self._table, self._car_table, self._per_scale, self._per_rated)
         results: Any = (self._observation, self._scaled, self._truth, self._reward, self._clipped, self._ended)
         ended = lacking = 0
         if self._switches is not None and len(self._blocks[0]):
@@ -183,7 +184,7 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
         """A new episode of one environment: its draws, rows at rest, first observation."""
         setup = prepare(self.task, self._generators[i], PERIOD)
         rated_torque = self._rated_torque[i] = PARAMETERS.read(setup.row, "motor").rated_torque
-        self._per_scale[:, i] = 1.0 / np.array(scales_of(self.task.causality, rated_torque))
+        self._per_rated[i] = 1.0 / rated_torque
         if i < self._n_lanes:
             start_lane(*self._blocks, i, setup.row, self._table, self._car_table)
         else:
@@ -195,7 +196,7 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
         self._draw_noise(i)
         speed = PARAMETERS.read(setup.row, "episode").speed
         self._observation[:, i], self._observation[SPEED_OBSERVED, i] = 0.0, speed
-        self._scaled[i] = self._observation[:, i] * self._per_scale[:, i]
+        self._scaled[i] = self._observation[:, i] * self._per_scale
         self._truth[:, i], self._truth[SPEED_TRUE, i] = 0.0, speed
         self._clipped[i] = False
 
@@ -219,6 +220,7 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
         # Full blocks of lanes, and rows for what is left over or cannot be run in lanes.
         n_blocks = 0 if self._switches is None or not COMPILED else self.num_envs // WIDTH
         self._n_lanes = n_blocks * WIDTH
+        self._per_scale = 1.0 / np.array(scales_of(task.causality, 1.0))
         self._blocks, self._rows = new_blocks(n_blocks), batch.new_rows(self.num_envs - self._n_lanes)
 
     def _infos(self, ended: NDArray[Any]) -> Infos:
