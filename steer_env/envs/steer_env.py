@@ -26,7 +26,7 @@ from steer_env.physics.control_unit import Observation
 from steer_env.physics.motor import Motor
 from steer_env.plants import Plant, Reference
 
-NOISE_BLOCK = 64  # periods of noise drawn at once: 1 KiB for each environment
+NOISE_BLOCK = 32  # periods of noise drawn at once: half a KiB for each environment
 UNSTABLE = "unstable: the wheel was thrown beyond any sane rate or torque"
 COMPLETE = "end of the manoeuvre"
 RENDER_FPS = 25

@@ -16,13 +16,12 @@ from steer_env.envs import batch
 from steer_env.envs.blocks import new_blocks, start_lane, step_blocks
 from steer_env.envs.lanes import switches_of
 from steer_env.envs.layout import OBSERVATION_LIMIT, PARAMETERS, PERIOD, Truth
-from steer_env.envs.steer_env import COMPLETE, UNSTABLE, scales_of
+from steer_env.envs.steer_env import COMPLETE, NOISE_BLOCK, UNSTABLE, scales_of
 from steer_env.envs.task import Task, prepare
 from steer_env.physics._jit import COMPILED
 from steer_env.physics.control_unit import Observation
 from steer_env.physics.lanes import WIDTH
 
-NOISE_BLOCK = 32  # periods of noise drawn at once: half a KiB for each environment
 MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
 N_OBSERVED, N_TRUTH = len(Observation._fields), len(Truth._fields)
 SPEED_OBSERVED, SPEED_TRUE = Observation._fields.index("speed"), Truth._fields.index("speed")
