@@ -21,13 +21,13 @@ from experiments.operating_points import Place
 from steer_env.envs.layout import PERIOD
 from steer_env.interface import Controller, Law, Observation
 from steer_env.physics._jit import compiled_with, named
-from steer_env.physics.rows import fixed_tuple
+from steer_env.physics.rows import loader
 
 Array = NDArray[np.float64]
 
 STEP = 1e-7  # of every state and observation, in SI
 SWING, SWING_Hz, SWING_KEPT = 0.05, 20.0, 0.8  # rad, and the share that is left after a cycle
-SEEN = len(Observation._fields)
+_observation = loader(Observation, 0)
 SWINGING, QUIET, SLIDING = 3.0, 0.5, 0.8  # s
 
 
@@ -113,7 +113,7 @@ def _driven(law: Law) -> Callable[..., tuple[float, Any]]:
     def driven(state: Any, parameters: Any, observations: Array) -> tuple[float, Any]:
         torque = 0.0
         for k in range(observations.shape[0]):
-            torque, state = law(Observation(*fixed_tuple(observations[k], SEEN)), state, parameters)
+            torque, state = law(_observation(observations[k]), state, parameters)
         return torque, state
 
     return compiled_with(named(driven, law.__module__, law), law)

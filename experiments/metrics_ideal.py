@@ -37,6 +37,7 @@ _manoeuvre = PARAMETERS.loader("manoeuvre")
 _episode = PARAMETERS.loader("episode")
 _load_reference = STATE.loader("reference")
 _load_car = STATE.loader("car")
+_load_track = STATE.loader("track")
 _STATE_SIZE = STATE.size
 
 
@@ -90,7 +91,7 @@ def _ideal_torque(signals: Array, p_row: Array, table: Array, car_table: Array, 
         motion = SteeringMotion(signals[k, 0], signals[k, 1], angle, rate)
         rates = steering_rates(motion, 0.0, 0.0, resisting, signals[k, 5], signals[k, 4], 0.0, steering)
         torque[k], _, state = impedance_step(
-            angle, rate, rates.pinion_rate, state, speed, _load_reference(s_row), PERIOD
+            angle, rate, rates.pinion_rate, state, speed, _load_reference(s_row), _load_track(s_row)
         )
 
 

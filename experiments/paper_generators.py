@@ -22,8 +22,10 @@ from steer_env.physics._jit import compiled
 from steer_env.physics.reference import (
     ReferenceParameters,
     ReferenceState,
+    TrackMap,
     admittance_step,
     impedance_step,
+    track_map,
 )
 from steer_env.plants.amplitude import paper_acceleration, steering_amplitude
 
@@ -114,7 +116,7 @@ def paper_amplitude(speed: float, p: ReferenceParameters, peak_Hz: float = SINE_
 def impedance_torque(motion: Motion, speed: float, p: ReferenceParameters) -> Floats:
     """Torsion-bar torque [n] in N m that the impedance generator asks for."""
     torque = np.zeros(motion.angle.size)
-    _run_impedance(np.column_stack(motion), AT_REST, speed, p, PERIOD, torque)
+    _run_impedance(np.column_stack(motion), AT_REST, speed, p, track_map(speed, p, PERIOD), torque)
     return torque
 
 
@@ -194,11 +196,11 @@ def _run_impedance(
     x: ReferenceState,
     speed: float,
     p: ReferenceParameters,
-    dt: float,
+    track: TrackMap,
     torque: Floats,
 ) -> None:
     for k in range(len(motion)):
-        M_tb, _, x = impedance_step(motion[k, 0], motion[k, 1], motion[k, 2], x, speed, p, dt)
+        M_tb, _, x = impedance_step(motion[k, 0], motion[k, 1], motion[k, 2], x, speed, p, track)
         torque[k] = M_tb
 
 

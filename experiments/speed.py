@@ -1,19 +1,28 @@
 """How fast the environments step, as ratios measured in one run on one thread.
 
-    python -m experiments.speed [--repeats 5]
+    python -m experiments.speed [--repeats 5] [--start/--no-start]
 
-Every repeat measures all cases one after the other, so that a busy machine slows them alike; a
-ratio is the median of the repeats' ratios. Absolute figures hold for the machine at that moment.
-Actions are the same small numbers in every step; resets at the ends of episodes are included.
+Every repeat measures all cases one after the other, in short slices that take turns, in seconds of the processor: what
+others on the machine run in between does not count. A ratio is the median of the repeats' ratios. Absolute figures hold
+for the machine at that moment. Actions are the same small numbers in every step. Whole episodes include their setup and
+the drawing of noise.
+
+``limit: C`` is the period written in C (``speed_limit``); gym-electric-motor is measured where it is installed.
 """
 
 from __future__ import annotations
 
 import gc
+import os
+import subprocess
+import sys
 import time
 import tracemalloc
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterable
+from importlib import import_module
 from statistics import median
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
@@ -25,14 +34,19 @@ from rich.table import Table
 
 import controllers
 import steer_env  # noqa: F401  (registers the ids)
-from experiments.rollout import run
+from experiments import speed_limit
+from experiments.rollout import scored
 from steer_env.envs.task import Task
+from steer_env.physics.lanes import WIDTH
 from steer_env.plants import PLANTS, Reference
 
 OURS = "steer_env/EPAS-Impedance-v0"
 SIZES = (1, 64, 1024)
-SLICE = 0.3  # s that one measurement takes
+SLICE = 1e-2  # s of the processor that one slice takes, where one call is not longer
+SLICES = 10  # of each case in one repeat
 CONTROLLER = "pid"
+EPISODES = 2 * WIDTH
+MOTOR_ENV = "Cont-TC-PMSM-v0"
 
 Run = Callable[[int], int]
 """Makes n calls and returns how many environment steps they were."""
@@ -40,7 +54,10 @@ Run = Callable[[int], int]
 
 def single(env_id: str, action: Any) -> Run:
     """Calls of ``env.step`` as ``gymnasium.make`` wraps it, reset where an episode ends."""
-    env = gymnasium.make(env_id)
+    return _stepping(gymnasium.make(env_id), action)
+
+
+def _stepping(env: Any, action: Any) -> Run:
     env.reset(seed=0)
 
     def step(n: int) -> int:
@@ -66,15 +83,38 @@ def vector(env: Any, action: Any) -> Run:
     return step
 
 
-def episodes() -> Run:
-    """Whole closed-loop episodes in compiled code: setup, noise, all periods with a controller."""
-    task = Task()
-    law = controllers.make(CONTROLLER, PLANTS["EPAS"], Reference(), "impedance")
+def episodes(controller: Any, seconds: float = 1.5) -> Run:
+    """Whole closed-loop episodes of EPISODES environments: setup, noise, all periods with a controller, scores."""
+    task = Task(duration=seconds)
 
     def step(n: int) -> int:
-        return sum(len(run(task, law, seed).signals) for seed in range(n))
+        return sum(int(scored(task, controller, range(EPISODES))[:, 0].sum()) for _ in range(n))
 
     return step
+
+
+def kernel(run: Callable[[speed_limit.Block, int], None], periods: int = 25) -> Run:
+    """Periods of one block of lanes in compiled code, nothing else."""
+    block = speed_limit.Block()
+
+    def step(n: int) -> int:
+        for _ in range(n):
+            run(block, periods)
+        return n * periods * WIDTH
+
+    return step
+
+
+def electric_motor() -> Run | None:
+    """gym-electric-motor's torque control of a synchronous motor; None where it is not installed."""
+    try:
+        gem = import_module("gym_electric_motor")
+    except ImportError:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # its own, about its observation space
+        env = gem.make(MOTOR_ENV)
+        return _stepping(env, np.zeros(env.action_space.shape, env.action_space.dtype))
 
 
 def cases() -> dict[str, Run]:
@@ -83,32 +123,46 @@ def cases() -> dict[str, Run]:
         "CartPole-v1, make": single("CartPole-v1", 1),
         "ours, make": single(OURS, np.array([0.1], np.float32)),
     }
+    motor = electric_motor()
+    if motor is not None:
+        found["gym-electric-motor, make"] = motor
     for n in SIZES:
         native = gymnasium.make_vec(OURS, n, vectorization_mode="vector_entry_point")
         found[f"ours, SteerVectorEnv {n}"] = vector(native, 0.1)
         found[f"ours, SyncVectorEnv {n}"] = vector(SyncVectorEnv([lambda: gymnasium.make(OURS)] * n), 0.1)
         found[f"CartPole-v1, native vector {n}"] = vector(gymnasium.make_vec("CartPole-v1", n), 1)
-    found[f"ours, compiled episodes with {CONTROLLER}"] = episodes()
+    found["ours, periods in lanes"] = kernel(speed_limit.compiled_python())
+    limit = speed_limit.compiled_c()
+    if limit is not None:
+        found["limit: C, periods in lanes"] = kernel(limit)
+    found["ours, whole episodes"] = episodes(speed_limit.Proportional())
+    found[f"ours, whole episodes with {CONTROLLER}"] = episodes(
+        controllers.make(CONTROLLER, PLANTS["EPAS"], Reference(), "impedance")
+    )
     return found
 
 
 def measured(repeats: int, found: dict[str, Run]) -> dict[str, list[float]]:
-    """Steps per second of each case in each repeat, in calls that fill SLICE seconds."""
+    """Steps per second of each case in each repeat: the median of its slices."""
     calls = {}
     for name, step in found.items():
         step(1)  # compiles
         n, spent = 1, 0.0
-        while spent < 0.2 * SLICE:
-            n, start = 2 * n, time.perf_counter()
+        while spent < 0.5 * SLICE:
+            n, start = 2 * n, time.process_time()
             step(n)
-            spent = time.perf_counter() - start
+            spent = time.process_time() - start
         calls[name] = max(round(n * SLICE / spent), 1)
     rates: dict[str, list[float]] = {name: [] for name in found}
     for _ in range(repeats):
-        for name, step in found.items():
-            start = time.perf_counter()
-            steps = step(calls[name])
-            rates[name].append(steps / (time.perf_counter() - start))
+        slices: dict[str, list[float]] = {name: [] for name in found}
+        for _ in range(SLICES):
+            for name, step in found.items():
+                start = time.process_time()
+                steps = step(calls[name])
+                slices[name].append(steps / (time.process_time() - start))
+        for name, values in slices.items():
+            rates[name].append(median(values))
     return rates
 
 
@@ -125,14 +179,43 @@ def memory_of_one(n: int = 1024) -> float:
     return held / n
 
 
-def compared() -> list[tuple[str, str]]:
-    """Which case is divided by which."""
-    pairs = [("ours, make", "CartPole-v1, make")]
+START = """
+import time
+begin = time.perf_counter()
+import steer_env
+imported = time.perf_counter()
+import gymnasium, numpy
+env = gymnasium.make({id!r})
+env.reset(seed=0)
+env.step(numpy.zeros(1, numpy.float32))
+print(imported - begin, time.perf_counter() - begin)
+"""
+
+
+def start_times() -> dict[str, float]:
+    """Seconds of a fresh process: import, and all up to the first step, with an empty cache and with a filled one."""
+    found = {}
+    with TemporaryDirectory() as folder:
+        where = {**os.environ, "XDG_CACHE_HOME": folder, "LOCALAPPDATA": folder, "HOME": folder}
+        for state in ("an empty cache", "a filled cache"):
+            command = [sys.executable, "-c", START.format(id=OURS)]
+            done = subprocess.run(command, env=where, capture_output=True, text=True, check=True, timeout=300)
+            imported, stepped = (float(word) for word in done.stdout.split())
+            found[f"import steer_env, {state}"] = imported
+            found[f"import and first step, {state}"] = stepped
+    return found
+
+
+def compared(found: Iterable[str]) -> list[tuple[str, str]]:
+    """Which case is divided by which, of the cases that were found."""
+    pairs = [("ours, make", "CartPole-v1, make"), ("ours, make", "gym-electric-motor, make")]
     for n in SIZES:
         pairs += [(f"ours, SteerVectorEnv {n}", f"ours, SyncVectorEnv {n}")]
         pairs += [(f"ours, SteerVectorEnv {n}", f"CartPole-v1, native vector {n}")]
-    whole = f"ours, compiled episodes with {CONTROLLER}"
-    return [*pairs, (f"ours, SteerVectorEnv {SIZES[-1]}", whole), (whole, "ours, make")]
+    lanes, whole = "ours, periods in lanes", "ours, whole episodes"
+    pairs += [(lanes, "limit: C, periods in lanes"), (whole, lanes), (f"{whole} with {CONTROLLER}", whole)]
+    pairs += [(f"ours, SteerVectorEnv {SIZES[-1]}", lanes)]
+    return [pair for pair in pairs if {*pair} <= {*found}]
 
 
 def tables(rates: dict[str, list[float]]) -> tuple[Table, Table]:
@@ -145,7 +228,7 @@ def tables(rates: dict[str, list[float]]) -> tuple[Table, Table]:
     ratios = Table("case", "against", title="ratios within one repeat")
     for heading in ("median", "least", "most"):
         ratios.add_column(heading, justify="right")
-    for name, other in compared():
+    for name, other in compared(rates):
         shares = [a / b for a, b in zip(rates[name], rates[other], strict=True)]
         ratios.add_row(name, other, *(f"{share:.3g}" for share in (median(shares), min(shares), max(shares))))
     return absolute, ratios
@@ -153,12 +236,25 @@ def tables(rates: dict[str, list[float]]) -> tuple[Table, Table]:
 
 @click.command()
 @click.option("--repeats", default=5, show_default=True, type=click.IntRange(1), help="How often each case runs.")
-def main(repeats: int) -> None:
-    """Print steps per second, ratios and memory."""
+@click.option("--start/--no-start", default=True, show_default=True, help="Time a fresh start in other processes.")
+def main(repeats: int, start: bool) -> None:
+    """Print steps per second, ratios, agreement with C, memory, and the times of a fresh start."""
     console = Console(width=120)
-    for table in tables(measured(repeats, cases())):
+    found = cases()
+    for table in tables(measured(repeats, found)):
         console.print(table)
+    if "gym-electric-motor, make" not in found:
+        console.print("gym-electric-motor: not installed")
+    limit = speed_limit.compiled_c()
+    if limit is None:
+        console.print("limit in C: no compiler found")
+    else:
+        apart = speed_limit.check(speed_limit.compiled_python(), limit)
+        console.print(f"plant states in C and in ours differ by at most {apart:.1e} of their largest value")
     console.print(f"memory of one environment in a SteerVectorEnv of 1024: {memory_of_one() / 1024:.2f} KiB")
+    if start:
+        for name, seconds in start_times().items():
+            console.print(f"{name}: {seconds:.2f} s")
 
 
 if __name__ == "__main__":

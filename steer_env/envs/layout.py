@@ -9,7 +9,7 @@ from steer_env.physics.control_unit import Commands, Observation
 from steer_env.physics.driver import Driver
 from steer_env.physics.motor import Motor
 from steer_env.physics.plant import PlantState
-from steer_env.physics.reference import ReferenceParameters, ReferenceState
+from steer_env.physics.reference import ReferenceParameters, ReferenceState, TrackMap
 from steer_env.physics.rows import Layout
 from steer_env.physics.sensors import Observer, ObserverState, Sensors
 from steer_env.physics.steering import Steering
@@ -127,4 +127,5 @@ STATE = Layout(
     clock=Clock,
     reference=ReferenceParameters,
     car=ReferenceParameters,
+    track=TrackMap,
 )

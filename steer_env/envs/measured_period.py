@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.envs.layout import OBSERVATION_LIMIT, PARAMETERS, PERIOD, STATE, Clock, Truth
-from steer_env.envs.period import RATE_LIMIT, TORQUE_LIMIT, next_speed, reward_parts, set_speed
+from steer_env.envs.parts import RATE_LIMIT, TORQUE_LIMIT, next_speed, reward_parts, set_speed
 from steer_env.physics import vehicle
 from steer_env.physics._jit import compiled, scalar
 from steer_env.physics.control_unit import Commands, Observation, control_unit_step
@@ -34,7 +34,7 @@ _load_generator, _store_generator = STATE.loader("generator"), STATE.storer("gen
 _load_commands, _store_commands = STATE.loader("commands"), STATE.storer("commands")
 _load_clock, _store_clock = STATE.loader("clock"), STATE.storer("clock")
 _load_reference = STATE.loader("reference")
-_load_car = STATE.loader("car")
+_load_track, _load_car = STATE.loader("track"), STATE.loader("car")
 
 
 @scalar
@@ -71,6 +71,7 @@ def measured_period(
         clock.last_reference,
         _observer(p_row),
         _load_reference(s_row),
+        _load_track(s_row),
         PERIOD,
     )
     _store_observer(s_row, seen)

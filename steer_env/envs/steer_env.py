@@ -11,17 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.envs import batch
+from steer_env.envs.cell import (
+    CELL_SIZE,
+    N_TRUE,
+    OBSERVED_CELLS,
+    REPORT_CELLS,
+    SCALE_CELLS,
+    rows_of,
+    step_cell,
+)
 from steer_env.envs.layout import OBSERVATION_LIMIT, OBSERVATION_SCALES, PARAMETERS, PERIOD, Truth
 from steer_env.envs.task import Setup, Task, prepare
 from steer_env.physics.control_unit import Observation
 from steer_env.physics.motor import Motor
 from steer_env.plants import Plant, Reference
 
-NOISE_BLOCK = 64  # periods of noise drawn at once: 1 KiB for each environment
+NOISE_BLOCK = 32  # periods of noise drawn at once: half a KiB for each environment
 UNSTABLE = "unstable: the wheel was thrown beyond any sane rate or torque"
 COMPLETE = "end of the manoeuvre"
 RENDER_FPS = 25
 TRUTH_NAMES = Truth._fields
+_record: Any = tuple.__new__  # what Observation._make does, without its call and its check of the length
 
 
 class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -67,13 +77,8 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         n = len(Observation._fields)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gymnasium.spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, (n,), np.float32)
-        self._rows = batch.new_rows(1)
-        self._observation = np.zeros((1, n))
-        self._scaled = np.zeros((1, n), np.float32)
-        self._truth = np.zeros((1, len(Truth._fields)))
-        self._scales = np.ones((1, n))
-        self._observation_row, self._scaled_row, self._truth_row = self._observation[0], self._scaled[0], self._truth[0]
-        self._command = np.zeros(1)
+        self._cell, self._scaled = np.zeros(CELL_SIZE), np.zeros(n, np.float32)
+        self._rows, self._report = rows_of(self._cell), self._cell[REPORT_CELLS]
         self._viewer: Any = None
         # Checked now, so that a wrong option is told at make; what this draws is thrown away.
         self._setup: Setup = prepare(self.task, np.random.default_rng(0), PERIOD)
@@ -99,7 +104,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def observation(self) -> Observation:
         """The latest observation in SI, as controllers take it."""
-        return Observation._make(self._observation_row.tolist())
+        return Observation._make(self._cell[OBSERVED_CELLS].tolist())
 
     def action_for(self, torque: float) -> NDArray[np.float32]:
         """The action that commands a motor torque in N m."""
@@ -115,45 +120,32 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._setup = prepare(self.task, self.np_random, PERIOD)
         self._rows[0][0] = self._setup.row
         self._rated_torque = self.motor.rated_torque
-        self._scales[0] = scales_of(self.task.causality, self._rated_torque)
+        per_scale = 1.0 / np.array(scales_of(self.task.causality, self._rated_torque))
+        self._cell[SCALE_CELLS] = per_scale
         batch.start_batch(*self._rows, self._setup.table, self._setup.car_table)
         self._period = 0
         self._draw_noise()
         speed = PARAMETERS.read(self._setup.row, "episode").speed
-        self._observation[0] = 0.0
-        self._observation[0, Observation._fields.index("speed")] = speed
-        self._scaled[0] = self._observation[0] / self._scales[0]
-        self._truth[0] = 0.0
-        self._truth[0, Truth._fields.index("speed")] = speed
+        self._report[:] = 0.0
+        self._report[[TRUTH_NAMES.index("speed"), N_TRUE + Observation._fields.index("speed")]] = speed
+        self._scaled[:] = self._cell[OBSERVED_CELLS] * per_scale
         if self._viewer is not None:
             self._viewer.restart()
-        return self._scaled[0].copy(), self._info(clipped=False, ended="")
+        return self._scaled.copy(), self._info(clipped=False, ended="")
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """One control period with a motor torque as a share of the rated torque."""
         if self._period < 0:
             raise RuntimeError("step before reset: call env.reset() first")
-        share = float(np.asarray(action).item())
+        share = float(action.item() if type(action) is np.ndarray else np.asarray(action).item())
         if not math.isfinite(share):
             raise ValueError(f"action is {share}: give a finite share of the rated torque in [-1, 1]")
         clipped = share < -1.0 or share > 1.0
-        self._command[0] = min(max(share, -1.0), 1.0) * self._rated_torque
-        if self._next_noise == NOISE_BLOCK:
+        command = math.copysign(self._rated_torque, share) if clipped else share * self._rated_torque
+        if not self._noise:
             self._draw_noise()
-        noise = self._noise[self._next_noise]
-        self._next_noise += 1
-        batch.step_batch(
-            self._command,
-            noise,
-            *self._rows,
-            self._setup.table,
-            self._setup.car_table,
-            self._scales,
-            self._observation,
-            self._scaled,
-            self._truth,
-            self._setup.effects,
-        )
+        setup, noise = self._setup, self._noise.pop()
+        step_cell(command, *noise, self._cell, self._scaled, setup.table, setup.car_table, setup.effects)
         self._period += 1
         ended = COMPLETE if self._period >= self._setup.periods else ""
         info = self._info(clipped, ended)
@@ -162,18 +154,18 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         reward = info["reward_tracking"] + info["reward_smoothness"] + info["reward_effort"]
         if self._viewer is not None or self.render_mode == "human":
             self._record(info)
-        return self._scaled_row.copy(), reward, False, bool(ended), info
+        return self._scaled.copy(), reward, False, bool(ended), info
 
     def _info(self, clipped: bool, ended: str) -> dict[str, Any]:
-        info: dict[str, Any] = dict(zip(TRUTH_NAMES, self._truth_row.tolist(), strict=True))
-        info["observation"] = self.observation
+        values = self._report.tolist()
+        info: dict[str, Any] = dict(zip(TRUTH_NAMES, values, strict=False))  # the observation comes after the truth
+        info["observation"] = _record(Observation, values[N_TRUE:])
         info["clipped"] = clipped
         info["ended"] = ended
         return info
 
     def _draw_noise(self) -> None:
-        self._noise = self.np_random.standard_normal((NOISE_BLOCK, 1, 2))
-        self._next_noise = 0
+        self._noise = self.np_random.standard_normal((NOISE_BLOCK, 2))[::-1].tolist()
 
     def render(self) -> NDArray[np.uint8] | None:
         """The wheel and the traces against the reference, as an image [h, w, 3]."""

@@ -13,10 +13,14 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from steer_env.envs import batch
+from steer_env.envs.blocks import new_blocks, start_lane, step_blocks
+from steer_env.envs.lanes import switches_of
 from steer_env.envs.layout import OBSERVATION_LIMIT, PARAMETERS, PERIOD, Truth
 from steer_env.envs.steer_env import COMPLETE, NOISE_BLOCK, UNSTABLE, scales_of
 from steer_env.envs.task import Task, prepare
+from steer_env.physics._jit import COMPILED
 from steer_env.physics.control_unit import Observation
+from steer_env.physics.lanes import WIDTH
 
 MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
 N_OBSERVED, N_TRUTH = len(Observation._fields), len(Truth._fields)
@@ -68,12 +72,11 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
         )
         self.action_space = batch_space(self.single_action_space, n)
         self.observation_space = batch_space(self.single_observation_space, n)
-        self._rows = batch.new_rows(n)
-        self._scales = np.ones((n, N_OBSERVED))
+        self._per_rated = np.ones(n)
         self._rated_torque, self._shares = np.ones(n), np.zeros(n)
         self._noise, self._next_noise = np.zeros((n, NOISE_BLOCK, 2)), np.zeros(n, np.int64)
         self._left = np.zeros(n, np.int64)
-        self._skip, self._finite = np.zeros((2, n), np.bool_)
+        self._finite = np.zeros(n, np.bool_)
         self._generators: list[np.random.Generator] = []
         self._new_step()
         self._n_ended = self._n_lacking = 0
@@ -94,7 +97,6 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
         for i in range(self.num_envs):
             self._start(i)
         self._n_ended = self._n_lacking = 0
-        self._skip[:] = False
         return self._scaled, self._infos(self._running)
 
     def step(self, actions: NDArray[np.float32]) -> Step:
@@ -103,31 +105,47 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
             raise RuntimeError("step before reset: call reset() first")
         self._take(actions)
         over = self._ended if self._n_ended else None
-        self._new_step()
         if over is not None and self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            self._skip[:] = over
-            for i in np.flatnonzero(over).tolist():
-                self._start(i)
+            self._next_noise[over] = 0  # stepped along with old noise, then started anew
+        self._new_step()
         if self._n_lacking:
             for i in np.flatnonzero(self._next_noise == NOISE_BLOCK).tolist():
                 self._draw_noise(i)
-        given: Any = (self._shares, self._rated_torque, self._skip, self._noise, self._next_noise, self._left)
-        rows, tables = cast(Any, self._rows), cast(Any, (self._table, self._car_table, self._scales))
-        results: Any = (self._observation, self._scaled, self._truth, self._reward, self._clipped, self._ended)
-        effects = cast(Any, (self._effects,))
-        self._n_ended, self._n_lacking = batch.step_vector(*given, *rows, *tables, *results, *effects)
-        if over is not None:
-            self._skip[:] = False
+        self._n_ended, self._n_lacking = self._step_all()
+        if over is not None and self.autoreset_mode is AutoresetMode.NEXT_STEP:
+            self._begin_again(over)
         terminated = np.zeros(self.num_envs, np.bool_)
         if not self._n_ended:
             return self._scaled, self._reward, terminated, self._ended.copy(), self._infos(self._running)
         reasons = self._running.copy()
-        unstable = self._truth[:, UNSTABLE_TRUE] > 0.5
+        unstable = self._truth[UNSTABLE_TRUE] > 0.5
         reasons[self._ended & unstable], reasons[self._ended & ~unstable] = UNSTABLE, COMPLETE
         infos = self._infos(reasons)
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             infos = self._restarted(infos)
         return self._scaled, self._reward, terminated, self._ended.copy(), infos
+
+    def _step_all(self) -> tuple[int, int]:
+        """One period of all environments; (how many ended, how many have no noise left)."""
+        given: Any = (self._shares, self._rated_torque, self._noise, self._next_noise, self._left)
+        tables: Any = (self._table, self._car_table, self._per_scale, self._per_rated)
+        results: Any = (self._observation, self._scaled, self._truth, self._reward, self._clipped, self._ended)
+        ended = lacking = 0
+        if self._switches is not None and len(self._blocks[0]):
+            ended, lacking = step_blocks(self._switches)(*given, *self._blocks, *tables, *results)
+        if len(self._rows[0]):
+            effects = cast(Any, self._effects)
+            more = batch.step_vector(self._n_lanes, *given, *self._rows, *tables, *results, effects)
+            ended, lacking = ended + more[0], lacking + more[1]
+        return ended, lacking
+
+    def _begin_again(self, over: NDArray[np.bool_]) -> None:
+        """NEXT_STEP: what had ended was stepped along with the others; a new episode takes its place."""
+        self._n_ended -= int((self._ended & over).sum())
+        self._ended[over], self._reward[over] = False, 0.0
+        for i in np.flatnonzero(over).tolist():
+            self._start(i)
+        self._n_lacking = int((self._next_noise == NOISE_BLOCK).sum())
 
     def _take(self, actions: NDArray[np.float32]) -> None:
         """Actions into the buffer that the kernel reads, if all are finite."""
@@ -146,8 +164,8 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
         last = np.full(self.num_envs, None, object)
         for i in np.flatnonzero(ended).tolist():
             last[i] = self._scaled[i].copy()
-        self._observation = self._observation.copy()
-        self._truth, self._clipped = self._truth.copy(), self._clipped.copy()
+        self._observation, self._truth = self._observation.copy(), self._truth.copy()
+        self._clipped = self._clipped.copy()
         for i in np.flatnonzero(ended).tolist():
             self._start(i)
         ends: Infos = {"final_obs": last, "_final_obs": ended, "final_info": final, "_final_info": ended}
@@ -156,7 +174,7 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
     def _new_step(self) -> None:
         """Arrays for what one step returns."""
         n = self.num_envs
-        self._observation, self._truth = np.empty((n, N_OBSERVED)), np.empty((n, N_TRUTH))
+        self._observation, self._truth = np.empty((N_OBSERVED, n)), np.empty((N_TRUTH, n))
         self._scaled = np.empty((n, N_OBSERVED), np.float32)
         self._reward = np.zeros(n)
         self._clipped, self._ended = np.zeros((2, n), np.bool_)
@@ -164,17 +182,21 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
     def _start(self, i: int) -> None:
         """A new episode of one environment: its draws, rows at rest, first observation."""
         setup = prepare(self.task, self._generators[i], PERIOD)
-        self._rows[0][i] = setup.row
         rated_torque = self._rated_torque[i] = PARAMETERS.read(setup.row, "motor").rated_torque
-        self._scales[i] = scales_of(self.task.causality, rated_torque)
-        parameters, states, lines = (rows[i : i + 1] for rows in self._rows)
-        batch.start_batch(parameters, states, lines, self._table, self._car_table)
+        self._per_rated[i] = 1.0 / rated_torque
+        if i < self._n_lanes:
+            start_lane(*self._blocks, i, setup.row, self._table, self._car_table)
+        else:
+            k = i - self._n_lanes
+            parameters, states, lines = (rows[k : k + 1] for rows in self._rows)
+            parameters[0] = setup.row
+            batch.start_batch(parameters, states, lines, self._table, self._car_table)
         self._left[i] = setup.periods
         self._draw_noise(i)
         speed = PARAMETERS.read(setup.row, "episode").speed
-        self._observation[i], self._observation[i, SPEED_OBSERVED] = 0.0, speed
-        self._scaled[i] = self._observation[i] / self._scales[i]
-        self._truth[i], self._truth[i, SPEED_TRUE] = 0.0, speed
+        self._observation[:, i], self._observation[SPEED_OBSERVED, i] = 0.0, speed
+        self._scaled[i] = self._observation[:, i] * self._per_scale
+        self._truth[:, i], self._truth[SPEED_TRUE, i] = 0.0, speed
         self._clipped[i] = False
 
     def _draw_noise(self, i: int) -> None:
@@ -193,8 +215,14 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
     def _keep(self, task: Task) -> None:
         setup = prepare(task, np.random.default_rng(0), PERIOD)
         self.task, self._table, self._car_table, self._effects = task, setup.table, setup.car_table, setup.effects
+        self._switches = switches_of(setup.row, setup.table, setup.car_table) if setup.effects is None else None
+        # Full blocks of lanes, and rows for what is left over or cannot be run in lanes.
+        n_blocks = 0 if self._switches is None or not COMPILED else self.num_envs // WIDTH
+        self._n_lanes = n_blocks * WIDTH
+        self._per_scale = 1.0 / np.array(scales_of(task.causality, 1.0))
+        self._blocks, self._rows = new_blocks(n_blocks), batch.new_rows(self.num_envs - self._n_lanes)
 
     def _infos(self, ended: NDArray[Any]) -> Infos:
-        infos: Infos = dict(zip(Truth._fields, self._truth.T, strict=True))
-        infos["observation"], infos["clipped"], infos["ended"] = self._observation, self._clipped, ended
+        infos: Infos = dict(zip(Truth._fields, self._truth, strict=True))
+        infos["observation"], infos["clipped"], infos["ended"] = self._observation.T, self._clipped, ended
         return infos | {f"_{name}": self._all for name in infos}

@@ -7,6 +7,7 @@ import math
 from steer_env.manoeuvres.parameters import ManoeuvreParameters
 from steer_env.physics._jit import scalar
 from steer_env.physics.driver import Hand
+from steer_env.physics.elementary import sine_cosine
 
 DEFAULT = ManoeuvreParameters()
 
@@ -20,4 +21,5 @@ def signal(t: float, p: ManoeuvreParameters) -> Hand:
     sweep = (p.frequency_end - p.frequency) / p.duration
     angle = 2.0 * math.pi * (p.frequency + 0.5 * sweep * s) * s
     omega = 2.0 * math.pi * (p.frequency + sweep * s)
-    return Hand(p.amplitude * math.sin(angle), p.amplitude * omega * math.cos(angle), 0.0, 1.0)
+    sine, cosine = sine_cosine(angle)
+    return Hand(p.amplitude * sine, p.amplitude * omega * cosine, 0.0, 1.0)

@@ -7,6 +7,7 @@ import math
 from steer_env.manoeuvres.parameters import ManoeuvreParameters
 from steer_env.physics._jit import scalar
 from steer_env.physics.driver import Hand
+from steer_env.physics.elementary import sine_cosine
 
 DEFAULT = ManoeuvreParameters(duration=20.0)
 
@@ -18,6 +19,5 @@ def signal(t: float, p: ManoeuvreParameters) -> Hand:
     if s <= 0.0 or s >= p.duration:
         return Hand(0.0, 0.0, 0.0, 1.0)
     omega = 2.0 * math.pi * p.frequency
-    return Hand(
-        p.amplitude * math.sin(omega * s), p.amplitude * omega * math.cos(omega * s), 0.0, 1.0
-    )
+    sine, cosine = sine_cosine(omega * s)
+    return Hand(p.amplitude * sine, p.amplitude * omega * cosine, 0.0, 1.0)

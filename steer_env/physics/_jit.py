@@ -28,12 +28,22 @@ from platformdirs import user_cache_dir
 F = TypeVar("F", bound=Callable[..., Any])
 
 _CONFIG: Any = numba.config
+COMPILED = not _CONFIG.DISABLE_JIT
 _ROOT = Path(__file__).resolve().parents[2]
+
+
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 
 
 def scalar(function: F) -> F:
     """A scalar equation: plain Python from Python, inlined in compiled callers."""
-    return register_jitable(error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)(function)
+    # Inlined early: what is still a call when the compiler looks for loops to turn into vector code keeps them scalar.
+    return register_jitable(forceinline=True, **_OPTIONS)(function)
+
+
+def seldom(function: F) -> F:
+    """As ``scalar``, for what most periods pass by: called, which compiles faster."""
+    return register_jitable(**_OPTIONS)(function)
 
 
 def named(function: F, *parts: Any) -> F:

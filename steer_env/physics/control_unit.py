@@ -8,6 +8,7 @@ from steer_env.physics._jit import scalar
 from steer_env.physics.reference import (
     ReferenceParameters,
     ReferenceState,
+    TrackMap,
     admittance_step,
     impedance_step,
 )
@@ -60,20 +61,21 @@ def control_unit_step(
     last_reference: float,
     observer: Observer,
     reference: ReferenceParameters,
+    track: TrackMap,
     dt: float,
 ) -> tuple[Observation, ObserverState, ReferenceState]:
     """One period: measured angle (rad) and torque (N m) in; observation and new states out.
 
     ``motor_estimate`` is the unit's own model of its motor's torque in N m; ``admittance`` is 1 for
     the admittance generator and 0 for the impedance generator; ``last_reference`` is the reference
-    of the period before.
+    of the period before; ``track`` is the reference's car over a period (``track_map``), for the impedance generator.
     """
     acceleration, seen = observer_step(observer_state, angle, M_tb, motor_estimate, observer, dt)
     if admittance > 0.5:
         reference_acceleration, new = admittance_step(M_tb, generator, speed, reference, dt)
         target, rate, M_eff = new.pinion_angle, new.pinion_rate, new.effective_torque
     else:
-        target, M_eff, new = impedance_step(seen.angle, seen.rate, acceleration, generator, speed, reference, dt)
+        target, M_eff, new = impedance_step(seen.angle, seen.rate, acceleration, generator, speed, reference, track)
         rate = (target - last_reference) / dt
         reference_acceleration = 0.0
     observation = Observation(

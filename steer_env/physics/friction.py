@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from steer_env.physics._jit import scalar
+from steer_env.physics.elementary import exponential
 
 
 @scalar
@@ -22,7 +23,7 @@ def dahl_step(torque: float, displacement: float, M_C: float, c_fric: float) -> 
     if displacement == 0.0:
         return torque  # to the last bit, whichever sign the zero has
     limit = math.copysign(M_C, displacement)
-    return limit + (torque - limit) * math.exp(-c_fric * abs(displacement) / M_C)
+    return limit + (torque - limit) * exponential(-(c_fric / M_C) * abs(displacement))
 
 
 @scalar
@@ -37,7 +38,7 @@ def dahl_over(torque: float, displacement: float, M_C: float, travel: float) -> 
 def stribeck_level(rate: float, M_C: float, M_S: float, stribeck_rate: float) -> float:
     """Sliding level in N m at a rate in rad/s: M_C + (M_S - M_C) exp(-(rate/stribeck_rate)^2)."""
     ratio = rate / stribeck_rate
-    return M_C + (M_S - M_C) * math.exp(-ratio * ratio)
+    return M_C + (M_S - M_C) * exponential(-ratio * ratio)
 
 
 @scalar
@@ -60,7 +61,7 @@ def lugre_step(
         return deflection
     level = stribeck_level(rate, M_C, M_S, stribeck_rate)
     steady = math.copysign(level / sigma_0, rate)
-    return steady + (deflection - steady) * math.exp(-sigma_0 * abs(rate) * dt / level)
+    return steady + (deflection - steady) * exponential(-sigma_0 * abs(rate) * dt / level)
 
 
 @scalar

@@ -6,6 +6,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from steer_env.physics._jit import scalar
+from steer_env.physics.elementary import exponential
 from steer_env.units import Quantity
 
 
@@ -29,7 +30,7 @@ def limited_command(command: float, last: float, p: Motor, dt: float) -> float:
 @scalar
 def lag_decay(bandwidth_Hz: float, dt: float) -> float:
     """What a first-order lag keeps of its distance to a constant target after dt seconds."""
-    return math.exp(-2.0 * math.pi * bandwidth_Hz * dt)
+    return exponential(-2.0 * math.pi * bandwidth_Hz * dt)
 
 
 @scalar

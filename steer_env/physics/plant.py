@@ -125,11 +125,44 @@ def rack_torque_at(x: PlantState, speed: float, rack_share: float, car: Referenc
     return rack_share * axle_with(motion_of(x), track_of(x), x.rack_friction, speed, car, row).M_rack
 
 
+class Frictions(NamedTuple):
+    """Friction torques in N m with memory: wheel, pinion's bristle, and those of the catalogue's effects."""
+
+    wheel: float
+    pinion: float
+    rack: float
+    column: float
+
+
+@scalar
+def frictions_of(x: PlantState) -> Frictions:
+    """The frictions as they stand."""
+    return Frictions(x.wheel_friction, x.pinion_friction, x.rack_friction, x.column_friction)
+
+
+@scalar
+def frictions_after(start: PlantState, q: SteeringMotion, speed: float, p: Steering, row: Any) -> Frictions:
+    """The frictions at ``q`` reached one way from ``start`` (exact)."""
+    turned = q.steering_angle - start.steering_angle
+    travel = q.pinion_angle - start.pinion_angle
+    wheel = dahl_step(start.wheel_friction, turned, p.M_s_fric, p.c_s_fric)
+    if row is None:
+        return Frictions(wheel, bristle_torque(start.pinion_friction, travel, q.pinion_rate, p), 0.0, 0.0)
+    at_pinion = pinion_moment(q.pinion_angle, q.pinion_rate, speed)
+    extra = ports.pinion_friction_level(at_pinion, row)
+    return Frictions(
+        wheel,
+        bristle_torque(start.pinion_friction, travel, q.pinion_rate, p, extra),
+        scrub_after(start.rack_friction, travel, at_pinion, row),
+        column_after(start.column_friction, turned, q.steering_angle, row),
+    )
+
+
 @scalar
 def plant_rates(
-    start: PlantState,
     q: SteeringMotion,
     v: SingleTrackState,
+    frictions: Frictions,
     motor_torque: float,
     hand: Hand,
     speed: float,
@@ -139,28 +172,23 @@ def plant_rates(
     car: ReferenceParameters,
     row: Any = None,
 ) -> tuple[SteeringMotion, SingleTrackState]:
-    """Derivatives at ``q``, ``v`` reached one way from ``start``; ``rack_share`` 0: no rack.
+    """Derivatives at ``q``, ``v``; ``rack_share`` 0: no rack.
 
     ``row`` holds effects of the catalogue (``vehicle_ports.effect_row``) or is None.
     """
-    turned = q.steering_angle - start.steering_angle
-    travel = q.pinion_angle - start.pinion_angle
-    at_pinion = pinion_moment(q.pinion_angle, q.pinion_rate, speed)
-    wheel_friction = dahl_step(start.wheel_friction, turned, steering.M_s_fric, steering.c_s_fric)
-    extra = ports.pinion_friction_level(at_pinion, row)
-    held = bristle_torque(start.pinion_friction, travel, q.pinion_rate, steering, extra)
-    pinion_friction = held + bristle_damping(held, q.pinion_rate, steering)
+    pinion_friction = frictions.pinion + bristle_damping(frictions.pinion, q.pinion_rate, steering)
     M_s = driver_torque(q.steering_angle, q.steering_rate, hand.angle, hand.rate, hand.torque, hand.grip, driver)
     J_driver = driver.J * hand.grip
     if row is None:
         M_rack = rack_share * reference_load(q.pinion_angle, v, speed, car)
-        motion = steering_rates(q, M_s, wheel_friction, pinion_friction, M_rack, motor_torque, J_driver, steering)
+        motion = steering_rates(q, M_s, frictions.wheel, pinion_friction, M_rack, motor_torque, J_driver, steering)
         return motion, vehicle.single_track_rates(v, q.pinion_angle * (1.0 / car.i_s), speed, single_track_of(car))
-    axle = axle_with(q, v, scrub_after(start.rack_friction, travel, at_pinion, row), speed, car, row)
+    axle = axle_with(q, v, frictions.rack, speed, car, row)
     M_tb, M_up = bar_torques(
         q.steering_angle, q.steering_rate, q.pinion_angle, q.pinion_rate, steering.c_tb, steering.b_tb, row
     )
-    wheel_friction += column_after(start.column_friction, turned, q.steering_angle, row)
+    wheel_friction = frictions.wheel + frictions.column
+    at_pinion = pinion_moment(q.pinion_angle, q.pinion_rate, speed)
     M_load = rack_share * axle.M_rack + ports.pinion_torque(at_pinion, row)
     motion = steering_rates_with(
         q, M_tb, M_up, M_s, wheel_friction, pinion_friction, M_load, motor_torque, J_driver, steering
@@ -193,71 +221,36 @@ def plant_step(
     M1 = lag_step(M0, motor_target, decay_half)
     M2 = lag_step(M1, motor_target, decay_half)
     q, v = motion_of(x), track_of(x)
-    k0, t0 = plant_rates(x, q, v, M0, hand, speed, rack_share, steering, driver, car, row)
-    k1, t1 = plant_rates(
-        x,
-        moved(q, 0.5 * h, k0),
-        vehicle.moved(v, 0.5 * h, t0),
-        M1,
-        hand,
-        speed,
-        rack_share,
-        steering,
-        driver,
-        car,
-        row,
-    )
-    k2, t2 = plant_rates(
-        x,
-        moved(q, 0.5 * h, k1),
-        vehicle.moved(v, 0.5 * h, t1),
-        M1,
-        hand,
-        speed,
-        rack_share,
-        steering,
-        driver,
-        car,
-        row,
-    )
-    k3, t3 = plant_rates(
-        x,
-        moved(q, h, k2),
-        vehicle.moved(v, h, t2),
-        M2,
-        hand,
-        speed,
-        rack_share,
-        steering,
-        driver,
-        car,
-        row,
-    )
-    steering_angle = q.steering_angle + rk4_mean(
-        k0.steering_angle, k1.steering_angle, k2.steering_angle, k3.steering_angle, h
-    )
-    pinion_angle = q.pinion_angle + rk4_mean(k0.pinion_angle, k1.pinion_angle, k2.pinion_angle, k3.pinion_angle, h)
-    pinion_rate = q.pinion_rate + rk4_mean(k0.pinion_rate, k1.pinion_rate, k2.pinion_rate, k3.pinion_rate, h)
-    track = vehicle.moved_rk4(v, t0, t1, t2, t3, h)
-    turned, travel = steering_angle - x.steering_angle, pinion_angle - x.pinion_angle
-    at_pinion = pinion_moment(pinion_angle, pinion_rate, speed)
-    extra = ports.pinion_friction_level(at_pinion, row)
-    rack_friction = column_friction = 0.0
-    if row is not None:
-        rack_friction = scrub_after(x.rack_friction, travel, at_pinion, row)
-        column_friction = column_after(x.column_friction, turned, steering_angle, row)
-    return PlantState(
-        steering_angle,
+    k0, t0 = plant_rates(q, v, frictions_of(x), M0, hand, speed, rack_share, steering, driver, car, row)
+    q1, v1 = moved(q, 0.5 * h, k0), vehicle.moved(v, 0.5 * h, t0)
+    f1 = frictions_after(x, q1, speed, steering, row)
+    k1, t1 = plant_rates(q1, v1, f1, M1, hand, speed, rack_share, steering, driver, car, row)
+    q2, v2 = moved(q, 0.5 * h, k1), vehicle.moved(v, 0.5 * h, t1)
+    f2 = frictions_after(x, q2, speed, steering, row)
+    k2, t2 = plant_rates(q2, v2, f2, M1, hand, speed, rack_share, steering, driver, car, row)
+    q3, v3 = moved(q, h, k2), vehicle.moved(v, h, t2)
+    f3 = frictions_after(x, q3, speed, steering, row)
+    k3, t3 = plant_rates(q3, v3, f3, M2, hand, speed, rack_share, steering, driver, car, row)
+    motion = SteeringMotion(
+        q.steering_angle + rk4_mean(k0.steering_angle, k1.steering_angle, k2.steering_angle, k3.steering_angle, h),
         q.steering_rate + rk4_mean(k0.steering_rate, k1.steering_rate, k2.steering_rate, k3.steering_rate, h),
-        pinion_angle,
-        pinion_rate,
+        q.pinion_angle + rk4_mean(k0.pinion_angle, k1.pinion_angle, k2.pinion_angle, k3.pinion_angle, h),
+        q.pinion_rate + rk4_mean(k0.pinion_rate, k1.pinion_rate, k2.pinion_rate, k3.pinion_rate, h),
+    )
+    track = vehicle.moved_rk4(v, t0, t1, t2, t3, h)
+    frictions = frictions_after(x, motion, speed, steering, row)
+    return PlantState(
+        motion.steering_angle,
+        motion.steering_rate,
+        motion.pinion_angle,
+        motion.pinion_rate,
         track.lateral_speed,
         track.yaw_rate,
         track.slip_front,
         track.slip_rear,
-        dahl_step(x.wheel_friction, turned, steering.M_s_fric, steering.c_s_fric),
-        bristle_torque(x.pinion_friction, travel, pinion_rate, steering, extra),
+        frictions.wheel,
+        frictions.pinion,
         M2,
-        rack_friction,
-        column_friction,
+        frictions.rack,
+        frictions.column,
     )

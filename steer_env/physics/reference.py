@@ -77,6 +77,96 @@ def reference_load(angle: float, x: SingleTrackState, speed: float, p: Reference
     return vehicle.rack_torque(slip, track) + p.c_extra * angle
 
 
+class TrackMap(NamedTuple):
+    """What a period does to the single track: each new state is the sum of the old ones times these.
+
+    One speed, one period; states are lateral speed, yaw rate, front and rear slip, SI. The pinion angle in rad runs
+    straight from ``before`` to ``now``.
+    """
+
+    lateral_of_lateral: float
+    yaw_of_lateral: float
+    front_of_lateral: float
+    rear_of_lateral: float
+    lateral_of_yaw: float
+    yaw_of_yaw: float
+    front_of_yaw: float
+    rear_of_yaw: float
+    lateral_of_front: float
+    yaw_of_front: float
+    front_of_front: float
+    rear_of_front: float
+    lateral_of_rear: float
+    yaw_of_rear: float
+    front_of_rear: float
+    rear_of_rear: float
+    lateral_of_before: float
+    yaw_of_before: float
+    front_of_before: float
+    rear_of_before: float
+    lateral_of_now: float
+    yaw_of_now: float
+    front_of_now: float
+    rear_of_now: float
+
+
+@scalar
+def track_after(
+    x: SingleTrackState, angle_before: float, angle_now: float, speed: float, p: ReferenceParameters, dt: float
+) -> SingleTrackState:
+    """The single track dt seconds later, the pinion angle in rad running straight: two Runge-Kutta steps."""
+    a0, a2 = angle_before * (1.0 / p.i_s), angle_now * (1.0 / p.i_s)
+    a1 = 0.5 * (a0 + a2)
+    half = vehicle.single_track_step(x, a0, 0.5 * (a0 + a1), a1, speed, single_track_of(p), 0.5 * dt)
+    return vehicle.single_track_step(half, a1, 0.5 * (a1 + a2), a2, speed, single_track_of(p), 0.5 * dt)
+
+
+@scalar
+def track_map_column(k: int, speed: float, p: ReferenceParameters, dt: float) -> SingleTrackState:
+    """Column ``k`` of the TrackMap over dt seconds: ``track_after`` is linear, so one in each variable shows it."""
+    x = SingleTrackState(
+        1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0, 1.0 if k == 3 else 0.0
+    )
+    return track_after(x, 1.0 if k == 4 else 0.0, 1.0 if k == 5 else 0.0, speed, p, dt)
+
+
+def track_map(speed: float, p: ReferenceParameters, dt: float) -> TrackMap:
+    """The six columns, from Python."""
+    return TrackMap(*(value for k in range(6) for value in track_map_column(k, speed, p, dt)))
+
+
+@scalar
+def mapped(x: SingleTrackState, before: float, now: float, m: TrackMap) -> SingleTrackState:
+    """The single track a period later; the pinion angle in rad ran from ``before`` to ``now``."""
+    vy, r, front, rear = x.lateral_speed, x.yaw_rate, x.slip_front, x.slip_rear
+    return SingleTrackState(
+        m.lateral_of_lateral * vy
+        + m.lateral_of_yaw * r
+        + m.lateral_of_front * front
+        + m.lateral_of_rear * rear
+        + m.lateral_of_before * before
+        + m.lateral_of_now * now,
+        m.yaw_of_lateral * vy
+        + m.yaw_of_yaw * r
+        + m.yaw_of_front * front
+        + m.yaw_of_rear * rear
+        + m.yaw_of_before * before
+        + m.yaw_of_now * now,
+        m.front_of_lateral * vy
+        + m.front_of_yaw * r
+        + m.front_of_front * front
+        + m.front_of_rear * rear
+        + m.front_of_before * before
+        + m.front_of_now * now,
+        m.rear_of_lateral * vy
+        + m.rear_of_yaw * r
+        + m.rear_of_front * front
+        + m.rear_of_rear * rear
+        + m.rear_of_before * before
+        + m.rear_of_now * now,
+    )
+
+
 @scalar
 def reference_rates(
     angle: float,
@@ -116,14 +206,15 @@ def impedance_step(
     x: ReferenceState,
     speed: float,
     p: ReferenceParameters,
-    dt: float,
+    period: TrackMap,
 ) -> tuple[float, float, ReferenceState]:
-    """Impedance generator (Fig. 2b): (M_tb_ref, M_eff, state) at a motion dt seconds after ``x``.
+    """Impedance generator (Fig. 2b): (M_tb_ref, M_eff, state) at a motion one ``period`` after ``x``.
 
-    The vehicle moves on with the angle running straight from the last one; friction follows the
-    displacement exactly.
+    The vehicle moves on with the angle running straight from the last one (``track_map`` at ``speed``);
+    friction follows the displacement exactly.
     """
-    track = _advance_track(x, angle, speed, p, dt)
+    before = SingleTrackState(x.lateral_speed, x.yaw_rate, x.slip_front, x.slip_rear)
+    track = mapped(before, x.pinion_angle, angle, period)
     friction = _friction_at(x, angle, p)
     M_eff = p.J_ref * acceleration + p.b_ref * rate + reference_load(angle, track, speed, p) + friction
     M_tb = torsion_bar_torque_for(M_eff, p)
@@ -166,32 +257,6 @@ def _friction_at(x: ReferenceState, angle: float, p: ReferenceParameters) -> flo
 
 
 @scalar
-def _advance_track(
-    x: ReferenceState, angle: float, speed: float, p: ReferenceParameters, dt: float
-) -> SingleTrackState:
-    track = SingleTrackState(x.lateral_speed, x.yaw_rate, x.slip_front, x.slip_rear)
-    a0 = x.pinion_angle * (1.0 / p.i_s)
-    a2 = angle * (1.0 / p.i_s)
-    a1 = 0.5 * (a0 + a2)
-    half = vehicle.single_track_step(track, a0, 0.5 * (a0 + a1), a1, speed, single_track_of(p), 0.5 * dt)
-    return vehicle.single_track_step(half, a1, 0.5 * (a1 + a2), a2, speed, single_track_of(p), 0.5 * dt)
-
-
-@scalar
-def _admittance_slope(
-    start: ReferenceState,
-    angle: float,
-    rate: float,
-    x: SingleTrackState,
-    M_eff: float,
-    speed: float,
-    p: ReferenceParameters,
-) -> tuple[float, SingleTrackState]:
-    friction = _friction_at(start, angle, p)
-    return reference_rates(angle, rate, x, M_eff, friction, speed, p)
-
-
-@scalar
 def _admittance_substep(
     x: ReferenceState, M0: float, M2: float, speed: float, p: ReferenceParameters, h: float
 ) -> ReferenceState:
@@ -199,13 +264,13 @@ def _admittance_substep(
     M1 = 0.5 * (M0 + M2)
     track = SingleTrackState(x.lateral_speed, x.yaw_rate, x.slip_front, x.slip_rear)
     q0, w0 = x.pinion_angle, x.pinion_rate
-    a0, v0 = _admittance_slope(x, q0, w0, track, M0, speed, p)
-    w1 = w0 + 0.5 * h * a0
-    a1, v1 = _admittance_slope(x, q0 + 0.5 * h * w0, w1, vehicle.moved(track, 0.5 * h, v0), M1, speed, p)
-    w2 = w0 + 0.5 * h * a1
-    a2, v2 = _admittance_slope(x, q0 + 0.5 * h * w1, w2, vehicle.moved(track, 0.5 * h, v1), M1, speed, p)
-    w3 = w0 + h * a2
-    a3, v3 = _admittance_slope(x, q0 + h * w2, w3, vehicle.moved(track, h, v2), M2, speed, p)
+    a0, v0 = reference_rates(q0, w0, track, M0, x.friction, speed, p)
+    q1, w1 = q0 + 0.5 * h * w0, w0 + 0.5 * h * a0
+    a1, v1 = reference_rates(q1, w1, vehicle.moved(track, 0.5 * h, v0), M1, _friction_at(x, q1, p), speed, p)
+    q2, w2 = q0 + 0.5 * h * w1, w0 + 0.5 * h * a1
+    a2, v2 = reference_rates(q2, w2, vehicle.moved(track, 0.5 * h, v1), M1, _friction_at(x, q2, p), speed, p)
+    q3, w3 = q0 + h * w2, w0 + h * a2
+    a3, v3 = reference_rates(q3, w3, vehicle.moved(track, h, v2), M2, _friction_at(x, q3, p), speed, p)
     angle = q0 + vehicle.rk4_mean(w0, w1, w2, w3, h)
     rate = w0 + vehicle.rk4_mean(a0, a1, a2, a3, h)
     t = vehicle.moved_rk4(track, v0, v1, v2, v3, h)

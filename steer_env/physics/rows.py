@@ -11,46 +11,34 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
-from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 
-from steer_env.physics._jit import named, scalar
+from steer_env.physics._jit import named
+from steer_env.physics._records import reads, row_address, type_of, writes
 
 Row = NDArray[np.float64]
 
 
-def fixed_tuple(row: Row, n: int) -> tuple[float, ...]:
-    """The n floats of a row as a tuple whose length the compiler knows."""
-    return tuple(row.tolist())
-
-
-# numba compares argument names, not annotations
-@overload(fixed_tuple, strict=False, prefer_literal=True)
-def _fixed_tuple_compiled(row, n):  # type: ignore[no-untyped-def]
-    return lambda row, n: to_fixed_tuple(row, n)  # type: ignore[call-arg]
-
-
 def loader(record: Any, start: int) -> Callable[[Row], Any]:
     """A function row -> record that reads the record's fields from row[start:]."""
-    n = len(record._fields)
-    end = start + n
+    end = start + len(record._fields)
 
     def load(row: Row) -> Any:
-        return record(*fixed_tuple(row[start:end], n))
+        return record(*row[start:end].tolist())
 
-    return scalar(named(load, record, start))
+    reads(named(load, record, start), type_of(record), start, row_address)
+    return load
 
 
 def storer(record: Any, start: int) -> Callable[[Row, Any], None]:
     """A function (row, record) that writes the record's fields to row[start:]."""
-    n = len(record._fields)
+    end = start + len(record._fields)
 
     def store(row: Row, values: Any) -> None:
-        for k in range(n):
-            row[start + k] = values[k]
+        row[start:end] = values
 
-    return scalar(named(store, record, start))
+    writes(named(store, record, start), start, row_address)
+    return store
 
 
 class Layout:

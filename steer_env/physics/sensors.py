@@ -6,6 +6,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from steer_env.physics._jit import scalar
+from steer_env.physics.elementary import exponential
 from steer_env.units import Quantity
 
 
@@ -69,7 +70,7 @@ def observer_step(
     second difference (1 - z)^3 / dt^2 q (q - 1)^2 / (q - z)^3 of it, late by 3 / (2 pi f) at low
     frequency. White noise of 1 rad rms then gives sqrt(6) ((1 - z) / (1 + z))^2.5 / dt^2.
     """
-    z = math.exp(-2.0 * math.pi * p.bandwidth_Hz * dt)
+    z = exponential(-2.0 * math.pi * p.bandwidth_Hz * dt)
     known = M_tb + p.motor_ratio * motor_torque
     a = (p.known_inputs * (known - p.b * x.rate) - x.load) / p.J
     predicted = x.angle + dt * x.rate + 0.5 * dt * dt * a

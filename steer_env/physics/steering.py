@@ -7,6 +7,7 @@ sensor as the elastic element, the motor's rotor as the lower body, motor_ratio 
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 from steer_env.physics._jit import scalar
@@ -58,11 +59,10 @@ def torsion_bar_torque(x: SteeringMotion, p: Steering) -> float:
 @scalar
 def end_stop_torque(angle: float, rate: float, p: Steering) -> float:
     """End-stop torque in N m against the lower body; zero inside the limit, never pulling."""
-    beyond_left = max(angle - p.angle_limit, 0.0)
-    beyond_right = max(-angle - p.angle_limit, 0.0)
-    left = max(p.c_stop * beyond_left + p.b_stop * rate, 0.0) if beyond_left > 0.0 else 0.0
-    right = max(p.c_stop * beyond_right - p.b_stop * rate, 0.0) if beyond_right > 0.0 else 0.0
-    return left - right
+    beyond = abs(angle) - p.angle_limit
+    outwards = math.copysign(1.0, angle)
+    held = max(p.c_stop * beyond + p.b_stop * (rate * outwards), 0.0)
+    return held * outwards if beyond > 0.0 else 0.0
 
 
 @scalar
@@ -101,8 +101,9 @@ def steering_rates_with(
 ) -> SteeringMotion:
     """As ``steering_rates``, with the bar's torque handed in: ``M_tb`` on the pinion, ``M_up`` on the wheel."""
     M_stop = end_stop_torque(x.pinion_angle, x.pinion_rate, p)
-    wheel = (M_s - M_up - M_s_fric - p.b_s * x.steering_rate) * (1.0 / (p.J_s + J_driver))
-    lower = M_tb + p.motor_ratio * motor_torque - M_rack - M_fric - M_stop - p.b_pin * x.pinion_rate
+    # Frictions last: a processor can do the rest while it works out their exponentials.
+    wheel = (M_s - M_up - p.b_s * x.steering_rate - M_s_fric) * (1.0 / (p.J_s + J_driver))
+    lower = M_tb + p.motor_ratio * motor_torque - M_rack - M_stop - p.b_pin * x.pinion_rate - M_fric
     return SteeringMotion(x.steering_rate, wheel, x.pinion_rate, lower * (1.0 / p.J_pin))
 
 

@@ -60,13 +60,13 @@ def lateral_acceleration(x: SingleTrackState, p: SingleTrack) -> float:
 @scalar
 def kinematic_front_slip(x: SingleTrackState, tyre_angle: float, speed: float, p: SingleTrack) -> float:
     """Front slip in rad without relaxation, as row 2 of Eq. 10 prints it; needs speed > 0."""
-    return tyre_angle - (x.lateral_speed + p.l_f * x.yaw_rate) / speed
+    return tyre_angle - (x.lateral_speed + p.l_f * x.yaw_rate) * (1.0 / speed)
 
 
 @scalar
 def rack_torque(slip_front: float, p: SingleTrack) -> float:
     """M_rack in N m at the pinion (Eq. 9): C_f n_t a_f / i_s. Rack force is i_rp times this."""
-    return p.C_f * p.n_t * slip_front * (1.0 / p.i_s)
+    return p.C_f * p.n_t * (1.0 / p.i_s) * slip_front
 
 
 @scalar

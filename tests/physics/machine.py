@@ -11,6 +11,7 @@ from steer_env.physics.plant import PlantState, plant_step
 from steer_env.physics.reference import (
     ReferenceParameters,
     ReferenceState,
+    TrackMap,
     admittance_step,
     impedance_step,
 )
@@ -53,12 +54,12 @@ def run_impedance(
     x: ReferenceState,
     speed: float,
     p: ReferenceParameters,
-    dt: float,
+    track: TrackMap,
     torques: np.ndarray,
 ) -> None:
     """Fill torques [n, 2] (M_tb, M_eff) for pinion angle, rate and acceleration [n, 3]."""
     for k in range(len(motion)):
-        M_tb, M_eff, x = impedance_step(motion[k, 0], motion[k, 1], motion[k, 2], x, speed, p, dt)
+        M_tb, M_eff, x = impedance_step(motion[k, 0], motion[k, 1], motion[k, 2], x, speed, p, track)
         torques[k, 0] = M_tb
         torques[k, 1] = M_eff
 
@@ -86,8 +87,8 @@ def run_plant_compiled(x, hands, targets, speed, rack_share, steering, motor, dr
 
 
 @compiled
-def run_impedance_compiled(motion, x, speed, p, dt, torques):
-    run_impedance(motion, x, speed, p, dt, torques)
+def run_impedance_compiled(motion, x, speed, p, track, torques):
+    run_impedance(motion, x, speed, p, track, torques)
 
 
 @compiled

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.signal import StateSpace, lsim
 
 from steer_env.physics import linear
-from steer_env.physics.reference import ReferenceParameters
+from steer_env.physics.reference import ReferenceParameters, track_map
 from steer_env.plants import Reference
 from tests.physics import machine
 
@@ -41,7 +41,7 @@ def round_trip(kmh: float, p: ReferenceParameters, dt: float, amplitude: float, 
     _, motion = smooth_motion(dt, amplitude, frequency)
     torques, back = np.zeros((len(motion), 2)), np.zeros_like(motion)
     rest = machine.GENERATOR_AT_REST
-    machine.run_impedance_compiled(motion, rest, kmh / 3.6, p, dt, torques)
+    machine.run_impedance_compiled(motion, rest, kmh / 3.6, p, track_map(kmh / 3.6, p, dt), torques)
     machine.run_admittance_compiled(torques[:, 0].copy(), rest, kmh / 3.6, p, dt, back)
     error = np.abs(back - motion).max(axis=0) / np.abs(motion).max(axis=0)
     return error[0], error[1]
@@ -101,7 +101,9 @@ def test_impedance_of_a_sine_is_the_inverse_of_eq_10(kmh):
     p, dt, f = row(kmh, complete=False, relaxed=False), 1e-3, 2.0
     t, motion = smooth_motion(dt, 0.2, f, duration=6.0)
     torques = np.zeros((len(t), 2))
-    machine.run_impedance_compiled(motion, machine.GENERATOR_AT_REST, kmh / 3.6, p, dt, torques)
+    machine.run_impedance_compiled(
+        motion, machine.GENERATOR_AT_REST, kmh / 3.6, p, track_map(kmh / 3.6, p, dt), torques
+    )
     last = t > 4.0
     wave = np.exp(-2j * np.pi * f * t[last])
     measured = (torques[last, 0] @ wave) / (motion[last, 0] @ wave)

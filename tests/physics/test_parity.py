@@ -12,7 +12,7 @@ from steer_env.physics import assist, friction, motor, sensors, steering, vehicl
 from steer_env.physics._jit import compiled, scalar
 from steer_env.physics.driver import Driver, driver_torque
 from steer_env.physics.plant import PlantState
-from steer_env.physics.reference import ReferenceParameters
+from steer_env.physics.reference import ReferenceParameters, track_map
 from steer_env.plants import DRIVERS, PLANTS, Reference
 from tests.physics import machine
 
@@ -190,7 +190,7 @@ def test_both_generators_are_the_same_in_python_and_compiled(kmh, linear):
         (machine.run_impedance_compiled, machine.run_admittance_compiled),
     ):
         torques, moved = np.zeros((n, 2)), np.zeros((n, 3))
-        impedance(motion, machine.GENERATOR_AT_REST, kmh / 3.6, p, 1e-3, torques)
+        impedance(motion, machine.GENERATOR_AT_REST, kmh / 3.6, p, track_map(kmh / 3.6, p, 1e-3), torques)
         admittance(torques[:, 0].copy(), machine.GENERATOR_AT_REST, kmh / 3.6, p, 1e-3, moved)
         results.append(np.column_stack([torques, moved]))
     assert np.abs(results[0]).max() > 0.1

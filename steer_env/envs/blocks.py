@@ -1,0 +1,178 @@
+"""Compiled entry points over blocks of lanes: one period of many environments, and whole episodes of many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.envs import batch
+from steer_env.envs.batch import Array, Flags, Integers
+from steer_env.envs.lanes import (
+    BENCH,
+    BENCH_ROWS,
+    BLOCK_SIZE,
+    COMMAND,
+    NOISE_ANGLE,
+    NOISE_TORQUE,
+    PARAMETER_ROWS,
+    STATE_ROWS,
+    Switches,
+    load_observation,
+    load_truth,
+    make_lanes_period,
+)
+from steer_env.envs.layout import LINE_LENGTH, LINES, OBSERVATION_LIMIT, STATE, Truth
+from steer_env.physics._jit import compiled_with, named, scalar
+from steer_env.physics.control_unit import Observation
+from steer_env.physics.lanes import WIDTH, lane_loader, lane_records, lane_storer
+
+Law = Callable[[Observation, Any, Any], Any]
+
+
+class Score(NamedTuple):
+    """Sums over an episode: periods, reward, squared error ((N m)^2 or rad^2); 1 where the wheel was thrown."""
+
+    periods: float
+    reward: float
+    squared_error: float
+    thrown: float
+
+
+_load_score, _store_score = lane_loader(Score, 0), lane_storer(Score, 0)
+OBSERVED = BENCH_ROWS.start + BENCH["observation"].start
+TRUE = BENCH_ROWS.start + BENCH["truth"].start
+SPEED_OBSERVED = OBSERVED + Observation._fields.index("speed")
+CACHE_LINE = 8  # floats
+N_OBSERVED, N_TRUE = len(Observation._fields), len(Truth._fields)
+
+
+def new_blocks(n: int) -> tuple[Array, Array]:
+    """Empty blocks [n, BLOCK_SIZE, WIDTH] and their delay lines [n, 4, 16, WIDTH].
+
+    Blocks start at a cache line of the processor: a vector that straddles two costs two loads.
+    """
+    room = np.zeros(n * BLOCK_SIZE * WIDTH + CACHE_LINE)
+    start = -(room.ctypes.data // room.itemsize) % CACHE_LINE
+    blocks = room[start : start + n * BLOCK_SIZE * WIDTH].reshape(n, BLOCK_SIZE, WIDTH)
+    return blocks, np.zeros((n, len(LINES), LINE_LENGTH, WIDTH))
+
+
+def start_lane(blocks: Array, lines: Array, i: int, row: Array, table: Array, car_table: Array) -> None:
+    """Bring environment ``i`` with a parameter row to rest at the start of an episode."""
+    parameters, states, line = batch.new_rows(1)
+    parameters[0] = row
+    batch.start_batch(parameters, states, line, table, car_table)
+    block, lane = divmod(i, WIDTH)
+    blocks[block, PARAMETER_ROWS, lane] = parameters[0]
+    blocks[block, STATE_ROWS, lane] = states[0]
+    lines[block, :, :, lane] = line[0]
+    blocks[block, BENCH_ROWS, lane] = 0.0
+    blocks[block, SPEED_OBSERVED, lane] = STATE.read(states[0], "clock").speed
+
+
+@cache
+def step_blocks(switches: Switches) -> Callable[..., tuple[int, int]]:
+    """The compiled period of full blocks: as ``batch.step_vector``, with blocks and lines for its rows."""
+    period = make_lanes_period(switches)
+
+    def step(
+        shares: Array,
+        rated_torques: Array,
+        noise: Array,
+        next_noise: Integers,
+        periods_left: Integers,
+        blocks: Array,
+        lines: Array,
+        table: Array,
+        car_table: Array,
+        per_scale: Array,
+        per_rated_torques: Array,
+        observations: Array,
+        scaled: NDArray[np.float32],
+        truths: Array,
+        rewards: Array,
+        clipped: Flags,
+        ended: Flags,
+    ) -> tuple[int, int]:
+        n_ended, n_lacking = 0, 0
+        for k in range(blocks.shape[0]):
+            block, first = blocks[k], k * WIDTH
+            for lane in range(WIDTH):
+                i = first + lane
+                share, draw = shares[i], next_noise[i]
+                clipped[i] = share < -1.0 or share > 1.0
+                block[COMMAND, lane] = min(max(share, -1.0), 1.0) * rated_torques[i]
+                block[NOISE_ANGLE, lane], block[NOISE_TORQUE, lane] = noise[i, draw, 0], noise[i, draw, 1]
+                next_noise[i] = draw + 1
+                n_lacking += draw + 1 == noise.shape[1]
+            period(block, lines[k], table, car_table)
+            for j in range(N_OBSERVED):
+                per_torque = j >= batch.LAST_TORQUES
+                for lane in range(WIDTH):
+                    value, i = block[OBSERVED + j, lane], first + lane
+                    observations[j, i] = value
+                    part = value * (per_rated_torques[i] if per_torque else per_scale[j])
+                    scaled[i, j] = min(max(part, -OBSERVATION_LIMIT), OBSERVATION_LIMIT)
+            for j in range(N_TRUE):
+                for lane in range(WIDTH):
+                    truths[j, first + lane] = block[TRUE + j, lane]
+            for lane in range(WIDTH):
+                i, truth = first + lane, load_truth(block, lane)
+                rewards[i] = batch.reward_of(truth)
+                periods_left[i] -= 1
+                ended[i] = truth.unstable > 0.5 or periods_left[i] <= 0
+                n_ended += ended[i]
+        return n_ended, n_lacking
+
+    return compiled_with(named(step, *switches))
+
+
+def make_lanes_rollout(law: Law, state: Any, switches: Switches) -> Callable[..., None]:
+    """Compiled closed-loop periods of one block around a pure control law, whose state is shaped like ``state``.
+
+    Call it with (law states [n_floats, WIDTH], law parameters, noise [WIDTH, n or more, 2], n, block, lines, table,
+    car table, scores [len(Score), WIDTH]); it runs n periods from the block's present state and adds to the scores, in
+    each lane until its wheel is thrown.
+    """
+    period, (_, load_state, store_state) = make_lanes_period(switches), lane_records(state)
+
+    def rollout(
+        law_states: Array,
+        law_parameters: Any,
+        noise: Array,
+        periods: int,
+        block: Array,
+        lines: Array,
+        table: Array,
+        car_table: Array,
+        scores: Array,
+    ) -> None:
+        for k in range(periods):
+            for lane in range(WIDTH):
+                observation = load_observation(block, lane)
+                command, after = law(observation, load_state(law_states, lane), law_parameters)
+                store_state(law_states, lane, after)
+                block[COMMAND, lane] = command
+                block[NOISE_ANGLE, lane], block[NOISE_TORQUE, lane] = noise[lane, k, 0], noise[lane, k, 1]
+            period(block, lines, table, car_table)
+            for lane in range(WIDTH):
+                truth, so_far = load_truth(block, lane), _load_score(scores, lane)
+                _store_score(scores, lane, _scored(so_far, truth))
+
+    return compiled_with(named(rollout, law.__module__, law, *switches), law)
+
+
+@scalar
+def _scored(so_far: Score, truth: Truth) -> Score:
+    if so_far.thrown > 0.5:
+        return so_far
+    return Score(
+        so_far.periods + 1.0,
+        so_far.reward + batch.reward_of(truth),
+        so_far.squared_error + truth.error * truth.error,
+        truth.unstable,
+    )

@@ -1,0 +1,82 @@
+"""NamedTuples in lanes of a block: many environments side by side, so that compiled loops over them are vector code.
+
+A block is a contiguous array [n_fields, WIDTH]: field k of the record of lane n lies at [k, n]. ``lane_loader`` and
+``lane_storer`` make the functions that read and write one record of one lane, plain Python from Python. Compiled, they
+address the block with offsets that are constants, from which the compiler sees that fields never overlap; through
+ordinary array indexing it cannot, and keeps loops scalar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numba
+from numba.core import types
+
+from steer_env.physics._jit import named
+from steer_env.physics._records import lane_address, reads, type_of, writes
+
+WIDTH = 32  # environments side by side: a few vectors of a processor, and a block that stays in its nearest caches
+_ADDRESS = lane_address(WIDTH)
+
+
+def lane_loader(record: Any, start: int, fixed: Mapping[str, float] | None = None) -> Callable[[Any, int], Any]:
+    """A function (block, lane) -> record that reads the record's fields from rows ``start`` and up.
+
+    ``fixed`` fields are not read: they are these constants, and compiled code drops what they switch off.
+    """
+    constants = [(fixed or {}).get(name) for name in record._fields]
+
+    def load(block: Any, lane: int) -> Any:
+        given = enumerate(constants)
+        return record(*(float(block[start + k, lane]) if value is None else value for k, value in given))
+
+    reads(named(load, record, start), type_of(record), start, _ADDRESS, constants)
+    return load
+
+
+def lane_storer(record: Any, start: int) -> Callable[[Any, int, Any], None]:
+    """A function (block, lane, record) that writes the record's fields to rows ``start`` and up."""
+
+    def store(block: Any, lane: int, values: Any) -> None:
+        for k, value in enumerate(values):
+            block[start + k, lane] = value
+
+    writes(named(store, record, start), start, _ADDRESS)
+    return store
+
+
+def lane_records(example: Any) -> tuple[int, Callable[[Any, int], Any], Callable[[Any, int, Any], None]]:
+    """(Floats, loader, storer) of records shaped like ``example``, a NamedTuple of floats and of others like it."""
+    shape = numba.typeof(example)
+
+    def load(block: Any, lane: int) -> Any:
+        values = iter(block[:, lane].tolist())
+        return _filled(example, values)
+
+    def store(block: Any, lane: int, record: Any) -> None:
+        for k, value in enumerate(flat(record)):
+            block[k, lane] = value
+
+    if any(kind != types.float64 for kind in _kinds(shape)):
+        raise TypeError(f"{type(example).__name__} holds something else than floats")
+    reads(load, shape, 0, _ADDRESS)
+    writes(store, 0, _ADDRESS)
+    return len(flat(example)), load, store
+
+
+def flat(record: Any) -> list[float]:
+    """The floats of a nested NamedTuple, one after the other."""
+    return [leaf for value in record for leaf in (flat(value) if isinstance(value, tuple) else [float(value)])]
+
+
+def _filled(example: Any, values: Iterator[float]) -> Any:
+    parts = [_filled(part, values) if isinstance(part, tuple) else next(values) for part in example]
+    return type(example)._make(parts) if hasattr(example, "_make") else tuple(parts)
+
+
+def _kinds(shape: Any) -> list[Any]:
+    if not isinstance(shape, types.BaseTuple):
+        return [shape]
+    return [kind for part in shape for kind in _kinds(part)]
