@@ -45,7 +45,7 @@ def lagged(signal):
 def test_it_follows_a_hand_with_its_own_delay_and_no_more(frequency):
     """Motor and hand both at work: the true torque through three poles at 40 Hz.
 
-    To 1 % of its peak and one period of time: torque and angle are sampled at the end of a period that both run through.
+    To 1 % of its peak and one period of time: torque and angle are sampled at the end of the period they ran through.
     """
     rate = 2.0 * np.pi * frequency
     hand = lambda t: Hand(0.3 * np.sin(rate * t), 0.3 * rate * np.cos(rate * t), 0.0, 1.0)  # noqa: E731
