@@ -136,7 +136,7 @@ class RigEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         batch.start_batch(*self._rows, self._setup.table, self._setup.car_table)
         self._compile()
         self._start_drive()
-        self._period, self._last = 0, 0.0
+        self._period = 0
         self._observation[:] = self._truth[:] = 0.0
         speed = PARAMETERS.read(self._setup.row, "episode").speed
         self._observation[Observation._fields.index("speed")] = speed
