@@ -89,7 +89,7 @@ def scored(task: Task, controller: Controller, seeds: Sequence[int]) -> Array:
         _score_block(task, controller, seeds[first : first + WIDTH], cast(Switches, switches), scores[first:])
     for k in range(in_lanes, len(seeds)):
         episode = run(task, controller, seeds[k])
-        reward = sum(episode[name] for name in Truth._fields if name.startswith("reward"))
+        reward = np.sum([episode[name] for name in Truth._fields if name.startswith("reward")], axis=0)
         error = episode["error"]
         scores[k] = len(error), reward.sum(), error @ error, not episode.stable
     return scores

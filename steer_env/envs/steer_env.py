@@ -145,7 +145,8 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._noise:
             self._draw_noise()
         setup, noise = self._setup, self._noise.pop()
-        step_cell(command, *noise, self._cell, self._scaled, setup.table, setup.car_table, setup.effects)
+        first, second = noise
+        step_cell(command, first, second, self._cell, self._scaled, setup.table, setup.car_table, setup.effects)
         self._period += 1
         ended = COMPLETE if self._period >= self._setup.periods else ""
         info = self._info(clipped, ended)

@@ -135,7 +135,8 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
             ended, lacking = step_blocks(self._switches)(*given, *self._blocks, *tables, *results)
         if len(self._rows[0]):
             effects = cast(Any, self._effects)
-            more = batch.step_vector(self._n_lanes, *given, *self._rows, *tables, *results, effects)
+            rest: Any = (*given, *self._rows, *tables, *results, effects)
+            more = batch.step_vector(self._n_lanes, *rest)
             ended, lacking = ended + more[0], lacking + more[1]
         return ended, lacking
 

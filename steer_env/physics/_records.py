@@ -94,20 +94,25 @@ def _with_index(context: Any, builder: Any, signature: Any, arguments: Sequence[
     return [arguments[0], context.cast(builder, arguments[1], signature.args[1], types.intp)]
 
 
+def is_record(kind: Any) -> bool:
+    """Whether a numba type is one of a tuple, over whose parts one can iterate."""
+    return isinstance(kind, types.BaseTuple)
+
+
 def _leaves(kind: Any) -> int:
-    return sum(_leaves(part) for part in kind) if isinstance(kind, types.BaseTuple) else 1
+    return sum(_leaves(part) for part in kind) if is_record(kind) else 1
 
 
 def _folded(context: Any, builder: Any, kind: Any, values: Iterator[Any]) -> Any:
     """Values one after the other as a record, which may hold others."""
-    if not isinstance(kind, types.BaseTuple):
+    if not is_record(kind):
         return next(values)
     return context.make_tuple(builder, kind, [_folded(context, builder, part, values) for part in kind])
 
 
 def _flat(context: Any, builder: Any, kind: Any, value: Any) -> list[Any]:
     """The floats of a record, which may hold others, one after the other."""
-    if not isinstance(kind, types.BaseTuple):
+    if not is_record(kind):
         return [context.cast(builder, value, kind, types.float64)]
     parts = zip(kind, cgutils.unpack_tuple(builder, value), strict=True)
     return [leaf for part, inner in parts for leaf in _flat(context, builder, part, inner)]

@@ -15,7 +15,7 @@ import numba
 from numba.core import types
 
 from steer_env.physics._jit import named
-from steer_env.physics._records import lane_address, reads, type_of, writes
+from steer_env.physics._records import is_record, lane_address, reads, type_of, writes
 
 WIDTH = 32  # environments side by side: a few vectors of a processor, and a block that stays in its nearest caches
 _ADDRESS = lane_address(WIDTH)
@@ -77,6 +77,6 @@ def _filled(example: Any, values: Iterator[float]) -> Any:
 
 
 def _kinds(shape: Any) -> list[Any]:
-    if not isinstance(shape, types.BaseTuple):
+    if not is_record(shape):
         return [shape]
     return [kind for part in shape for kind in _kinds(part)]
