@@ -40,10 +40,10 @@ class Solution(NamedTuple):
         """Parameter values in their units."""
         return {u.name: float(np.exp(v) if u.log else v) for u, v in zip(self.unknowns, self.x, strict=True)}
 
-    def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a parameter in its unit."""
+    def interval(self, name: str, widened: float = 1.0) -> tuple[float, float]:
+        """95 % interval of a parameter in its unit, ``widened`` by a factor on the search scale."""
         k = [u.name for u in self.unknowns].index(name)
-        half = 1.96 * float(np.sqrt(self.covariance[k, k]))
+        half = 1.96 * widened * float(np.sqrt(self.covariance[k, k]))
         low, high = float(self.x[k]) - half, float(self.x[k]) + half
         return (float(np.exp(low)), float(np.exp(high))) if self.unknowns[k].log else (low, high)
 
