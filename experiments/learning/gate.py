@@ -3,7 +3,8 @@
 What was learned from episodes can still shake in the small, at a place or with an arm that episodes
 hardly visit. So the loop's modes over one step of the policy are looked at (experiments.periodic_loop): at every
 speed of the reference, every operating point and arm, as told and with commands one period later. At each
-speed the largest of SHARES is kept at which nothing grows that does not grow under the base law alone.
+speed the largest of SHARES is kept at which nothing grows that does not grow under the base law alone. A policy that
+gives the whole torque stays as it is: less of it is not safer, and there is no law to fall back on.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ LATE = (0, 1)  # periods
 
 def gated(found: Policy, reference: Reference) -> Policy:
     """The policy with its authority cut, speed by speed, as far as it has to be."""
+    if found.base is None:
+        return found
     controllers = {
         share: policy.of(replace(found, authority=share * found.authority), PLANTS[found.plant], reference)
         for share in SHARES

@@ -44,7 +44,8 @@ def imitate(agent: Any, config: TrainConfig, arrangement: Arrangement) -> dict[s
 
 def _output(layers: list[torch.nn.Linear], inputs: torch.Tensor) -> torch.Tensor:
     hidden = torch.tanh(layers[1](torch.tanh(layers[0](inputs))))
-    return torch.asarray(layers[2](hidden)[:, 0])
+    output: torch.Tensor = layers[2](hidden)[:, 0]
+    return output
 
 
 def _driven(config: TrainConfig, arrangement: Arrangement, teacher: str) -> tuple[torch.Tensor, torch.Tensor]:
