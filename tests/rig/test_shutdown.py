@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -11,7 +12,10 @@ from steer_env.rig.shutdown import SIGNALS, Shutdown
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 PROGRAM = """
-import sys, time
+import signal, sys, time
+# Whoever runs the tests in the background (nohup) has these ignored, and children inherit that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 from steer_env.rig.shutdown import Shutdown
 shutdown = Shutdown(lambda: print("stopped", flush=True))
 shutdown.install()
@@ -39,7 +43,10 @@ def said_by(how, number=None):
         assert program.stdout.readline() == "ready\n"
         if number is not None:
             program.send_signal(number)
+        end = threading.Timer(60.0, program.kill)  # a program that goes on must not hold the tests
+        end.start()
         said = program.stdout.read()
+        end.cancel()
     return said, program.returncode
 
 
