@@ -82,7 +82,8 @@ def print_json(content: Mapping[str, Any]) -> None:
 
 
 def _default_out() -> Path:
-    return OUTPUTS / (click.get_current_context().info_name or "steer-env")
+    name = click.get_current_context().info_name or "steer-env"
+    return OUTPUTS / name.rpartition(".")[2]  # "python -m experiments.gap_study" writes to outputs/gap_study
 
 
 def _set_debug(ctx: click.Context, _parameter: click.Parameter, value: bool) -> None:

@@ -1,5 +1,6 @@
 """The program's contract: exit statuses, one message, nothing on stdout but the result."""
 
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -52,6 +53,9 @@ def test_options_reach_the_command_with_their_defaults(run):
     assert result.stdout == f"{Path('outputs/fake')} 0 True False False\n"
     result = run("fake", "--out", "here", "--seed", "7", "--quiet", "--json")
     assert result.stdout == "here 7 True True True\n"
+    module = importlib.import_module("fake_steer_command")
+    result = CliRunner().invoke(module.command, prog_name="python -m experiments.fake")
+    assert result.stdout.startswith(f"{Path('outputs/fake')} ")  # and not a folder with blanks in its name
 
 
 @pytest.mark.parametrize(
