@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 import controllers
+from controllers import policy_file
 from experiments import bench_cases
 from experiments.bench_cases import Case, Maker
 from experiments.bench_gates import gates_of
@@ -124,6 +125,10 @@ def command(
     names = [*_shipped(only), *own]
     for name in own:
         controllers.maker(name)  # a misspelt name ends here, not after minutes
+        if policy_file.is_policy(name):
+            what = "a policy is made for one plant and causality, and the ranking is over four"
+            mend = f"python -m experiments.policy_scores SbW-Impedance {name} pid lqg"
+            raise InputError(f"--controller {name}", what, mend)
     parts = 6 if quick else 10  # proof and Z-width of four systems, limit, step cost
     total = len(cases_of(names, Protocol.load(), quick)) + parts
     with progress("benchmark", total=total, quiet=quiet) as advance:

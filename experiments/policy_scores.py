@@ -2,8 +2,8 @@
 
     python -m experiments.policy_scores SbW-Impedance policy:runs/0 policy:runs/1 policy:runs/2 pid lqg [--draws 3]
 
-The benchmark's own test cases, scores, bootstrap intervals and gates; ``steer-env benchmark`` does the same for
-all four systems at once. ``--shake`` tells what a gate does not ask: commands up to 6 ms later than
+The benchmark's own test cases, scores, bootstrap intervals and gates; ``steer-env benchmark`` ranks over all four
+systems, for which no policy is made. ``--shake`` tells what a gate does not ask: commands up to 6 ms later than
 the controller was told, and torque sensors with a wrong gain or an offset, in simulation over all arms.
 """
 
