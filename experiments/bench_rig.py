@@ -3,8 +3,9 @@
 Plants, cars, arms, manoeuvres and the controllers' knowledge are those of the simulated benchmark, drawn from the same
 seeds. What lies between is the drive's frames, its wire, state machine and sensors, and the rig's own session; so a
 case's two scores tell what that path costs a controller. Scored are the true signals of the virtual wheel, against the
-ideal that the simulation's own functions find from them, not what the rig measured. Cogging and unbalance are off and
-the safety layer is as wide as it goes: neither is in the simulation. The sensor noise has the same size but other values.
+ideal that the simulation's own functions find from them (rig_truth), not what the rig measured. Cogging and unbalance
+are off and the safety layer is as wide as it goes: neither is in the simulation. The sensor noise has the same size but
+other values.
 """
 
 from __future__ import annotations
@@ -26,24 +27,18 @@ from scipy.stats import trim_mean
 import controllers
 import steer_env  # noqa: F401  (registers the ids)
 from experiments.bench_cases import SETTLE_S, Case, Maker, number_of, scored_result, task_of
+from experiments.bench_gates import gates_of
 from experiments.bench_protocol import Protocol
 from experiments.bench_ranking import case_score
-from experiments.bench_run import batches_of
+from experiments.bench_run import batches_of, run_cases
 from experiments.bench_store import Store
-from experiments.rollout import Array, Episode
-from steer_env.envs import batch
-from steer_env.envs.layout import PARAMETERS, PERIOD, STATE, Truth
-from steer_env.envs.parts import judged, truth_of
+from experiments.rig_truth import true_signals
+from experiments.rollout import Episode
+from steer_env.envs.layout import PERIOD, Truth
 from steer_env.envs.steer_env import COMPLETE
-from steer_env.envs.task import Setup, Task, prepare
+from steer_env.envs.task import Task, prepare
 from steer_env.interface import Controller
-from steer_env.manoeuvres import hand_at
-from steer_env.physics import vehicle
-from steer_env.physics._jit import compiled
-from steer_env.physics.plant import PlantState, motion_of
-from steer_env.physics.reference import ReferenceState, single_track_of
-from steer_env.physics.steering import torsion_bar_torque
-from steer_env.physics.vehicle import SingleTrackState
+from steer_env.physics.plant import PlantState
 from steer_env.plants import Plant, Reference
 from steer_env.rig import motors
 from steer_env.rig.safety_limits import Limits
@@ -54,18 +49,13 @@ Result = dict[str, Any]
 Advance = Callable[..., None]
 
 PLANT = "SbW"  # what a rig is
-# As wide as they may be: a limiter that acts would be scored with the controller, and the simulation has none. What ends
-# an episode is what ends a simulated one (RATE_LIMIT, TORQUE_LIMIT), a fault of the drive or of the bus.
+# As wide as they may be: a limiter that acts would be scored with the controller; the simulation has none. An episode
+# ends early where a simulated one does (RATE_LIMIT, TORQUE_LIMIT), or at a fault of the drive or of the bus.
 WIDEST = Limits(
     rate_up=1e5, rate_down=1e5, window_change=50.0, angle_limit=30.0, angle_softening=0.01, speed_limit=100.0,
     speed_softening=0.1, energy_store=500.0, energy_income=50.0, override_torque=60.0, override_time=5.0, jump=1.0,
     motion_mismatch=5.0, torque_mismatch=50.0, frozen_after=9.0, frozen_torque=50.0,
 )  # fmt: skip
-
-_steering, _motor = PARAMETERS.loader("steering"), PARAMETERS.loader("motor")
-_driver, _manoeuvre = PARAMETERS.loader("driver"), PARAMETERS.loader("manoeuvre")
-_episode, _reward = PARAMETERS.loader("episode"), PARAMETERS.loader("reward")
-_load_reference, _load_track, _load_car = STATE.loader("reference"), STATE.loader("track"), STATE.loader("car")
 
 
 class Beside(NamedTuple):
@@ -89,6 +79,37 @@ class Beside(NamedTuple):
 def rig_cases(names: Sequence[str], protocol: Protocol, quick: bool = True) -> list[Case]:
     """The scored cases of controllers that a rig can drive; ``quick``: 75 km/h, the relaxed arm, one draw."""
     return [case for name in names for case in protocol.test_cases(name, quick) if case.plant == PLANT]
+
+
+class Driven(NamedTuple):
+    """Results, reasons against a controller by name, and what goes into scores.json beside them."""
+
+    results: list[Result]
+    gates: dict[str, list[str]]
+    proof: dict[str, Any]
+
+
+def rig_benchmark(
+    names: Sequence[str],
+    reference: Reference,
+    motor: str,
+    quick: bool = True,
+    seed: int = 0,
+    jobs: int = 1,
+    store: Path | None = None,
+    advance: Advance = lambda *_, **__: None,
+    makers: Mapping[str, Maker] | None = None,
+) -> Driven:
+    """The cases through the CAN path and simulated, and the linear proof of the same loops (of the simulated plant)."""
+    protocol, own = Protocol.load(), makers or {}
+    cases = rig_cases(names, protocol, quick)
+    results = run_on_rig(cases, reference, motor, seed, jobs, store, advance, own)
+    simulated = run_cases(cases, reference, seed, jobs, store, advance, own)
+    for here, there in zip(results, simulated, strict=True):
+        here["rig"]["simulated_score"] = case_score(there, protocol)
+    gates, proof = gates_of(names, reference, results, own, quick, jobs, advance, (PLANT,))
+    rows = [row._asdict() for row in beside(results, simulated, protocol)]
+    return Driven(results, gates, {**proof, "rig": {"motor": motor, "beside": rows}})
 
 
 def run_on_rig(
@@ -126,7 +147,12 @@ def run_on_rig(
 
 
 def _driven(
-    groups: Sequence[Sequence[Case]], reference: Reference, motor: str, seed: int, jobs: int, makers: Mapping[str, Maker]
+    groups: Sequence[Sequence[Case]],
+    reference: Reference,
+    motor: str,
+    seed: int,
+    jobs: int,
+    makers: Mapping[str, Maker],
 ) -> Iterator[list[Result]]:
     if jobs == 1 or makers or len(groups) < 2:
         yield from (_drive(group, reference, motor, seed, makers) for group in groups)
@@ -170,7 +196,7 @@ def rig_episode(task: Task, controller: Controller, motor: str, seed: Sequence[i
             "dead_time": task.plant.motor.dead_time * PERIOD,
             "seed": int(np.random.SeedSequence(seed).generate_state(1)[0]),
         },
-        rest=SETTLE_S, **{f.name: getattr(task, f.name) for f in fields(task) if f.name != "causality"},
+        rest=SETTLE_S + PERIOD, **{f.name: getattr(task, f.name) for f in fields(task) if f.name != "causality"},
     ).unwrapped  # fmt: skip
     states, commands, limited, ended = [], [], 0, ""
     try:
@@ -183,61 +209,17 @@ def rig_episode(task: Task, controller: Controller, motor: str, seed: Sequence[i
                 ended = "the controller gave no finite torque"
                 break
             *_, info = env.step(env.action_for(torque))
-            states.append(env.connection.wheel.state)
-            commands.append(info["command"])
-            limited += bool(info["rig"]["limited_by"])
             ended = info["ended"]
+            if not ended:  # the step that ends an episode also brings the drive down: one more than the protocol has
+                states.append(env.connection.wheel.state)
+                commands.append(info["command"])
+                limited += bool(info["rig"]["limited_by"])
     finally:
         env.close()
     setup = prepare(task, np.random.default_rng(seed), PERIOD)
     signals = true_signals(setup, np.array(states).reshape(-1, len(PlantState._fields)), np.array(commands))
     thrown = bool(np.any(signals[:, Truth._fields.index("unstable")] > 0.5))
     return Episode(setup, signals, ended == COMPLETE and not thrown), ended, limited / max(len(commands), 1)
-
-
-def true_signals(setup: Setup, states: Array, commands: Array) -> Array:
-    """Truth [n, fields] from the virtual wheel's states [n, fields of PlantState] and the commands [n] in N m.
-
-    By the simulation's own functions, ideal reference included; the car follows the true pinion angle.
-    """
-    parameters, rows, lines = batch.new_rows(1)
-    parameters[0] = setup.row
-    batch.start_batch(parameters, rows, lines, setup.table, setup.car_table)
-    signals = np.zeros((len(states), len(Truth._fields)))
-    _judge(states, commands, parameters[0], rows[0], signals)
-    return signals
-
-
-@compiled
-def _judge(states: Array, commands: Array, p_row: Array, s_row: Array, signals: Array) -> None:
-    steering, motor, driver, manoeuvre = _steering(p_row), _motor(p_row), _driver(p_row), _manoeuvre(p_row)
-    episode, weights = _episode(p_row), _reward(p_row)
-    reference, columns, car = _load_reference(s_row), _load_track(s_row), _load_car(s_row)
-    body, speed = single_track_of(car), episode.speed
-    track = SingleTrackState(0.0, 0.0, 0.0, 0.0)
-    judge = ReferenceState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    before, last = 0.0, 0.0
-    for k in range(states.shape[0]):
-        s = states[k]
-        now = s[2] * (1.0 / car.i_s)
-        track = vehicle.single_track_step(track, before, 0.5 * (before + now), now, speed, body, PERIOD)
-        before = now
-        x = PlantState(
-            s[0], s[1], s[2], s[3], track.lateral_speed, track.yaw_rate, track.slip_front, track.slip_rear,
-            s[8], s[9], s[10], s[11], s[12],
-        )  # fmt: skip
-        hand = hand_at(episode.kind, (k + 0.5) * PERIOD, manoeuvre)
-        M_tb = torsion_bar_torque(motion_of(x), steering)
-        ideal, error, cost, judge = judged(
-            x, M_tb, hand, speed, judge, episode, weights, steering, driver, reference, columns, car, None
-        )
-        verdict = ideal, error, cost
-        truth = truth_of(
-            k, x, M_tb, commands[k], last, verdict, hand, speed, episode.rack_share, motor, weights, driver, car, None
-        )
-        last = commands[k]
-        for j in range(len(truth)):
-            signals[k, j] = truth[j]
 
 
 def beside(results: Sequence[Result], simulated: Sequence[Result], protocol: Protocol) -> list[Beside]:
@@ -264,3 +246,14 @@ def beside(results: Sequence[Result], simulated: Sequence[Result], protocol: Pro
             )
         )
     return rows
+
+
+def beside_table(rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[object]]]:
+    """Columns and rows of ``beside`` on stdout."""
+    columns = ["controller", "causality", "JND", "simulated", "unstable", "simulated", "tripped", "limited"]
+    return columns, [
+        [row["controller"], row["causality"], f"{row['score']:.2f}", f"{row['simulated_score']:.2f}",
+         f"{row['unstable']} of {row['cases']}", row["simulated_unstable"], row["tripped"],
+         f"{100.0 * row['limited']:.1f} %"]
+        for row in rows
+    ]  # fmt: skip

@@ -60,9 +60,9 @@ class RigEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if render_mode is not None:
             raise ValueError("a rig draws nothing: look at the wheel")
         self.render_mode = None
-        self._rest = round(rest / PERIOD)
-        self.connection, rest = Connection.taken_from(options)
-        self.task = Task().changed({"plant": "SbW"} | rest)
+        self._rest_periods = round(rest / PERIOD)
+        self.connection, others = Connection.taken_from(options)
+        self.task = Task().changed({"plant": "SbW"} | others)
         n = len(Observation._fields)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gymnasium.spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, (n,), np.float32)
@@ -106,7 +106,7 @@ class RigEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def periods(self) -> int:
         """How many steps the episode has."""
-        return self._setup.periods + self._rest
+        return self._setup.periods + self._rest_periods
 
     def action_for(self, torque: float) -> NDArray[np.float32]:
         """The action that asks for a motor torque in N m."""
