@@ -160,7 +160,11 @@ def result_of(
     case: Case, reference: Reference, seed: int, seeds: Sequence[int] = (), make: Maker | None = None
 ) -> dict[str, Any]:
     """Scores and plot data of one case as plain JSON values; no scores where unstable."""
-    episode = episode_of(case, reference, seed, seeds, make)
+    return scored_result(case, episode_of(case, reference, seed, seeds, make))
+
+
+def scored_result(case: Case, episode: Episode) -> dict[str, Any]:
+    """The same of a case that was driven already."""
     result: dict[str, Any] = {"case": asdict(case), "stable": episode.stable}
     if not episode.stable:
         return {**result, "scores": {}, "plot": {}, "stopped_after_s": float(episode["time"][-1])}

@@ -36,10 +36,11 @@ def gates_of(
     quick: bool = False,
     jobs: int = 1,
     advance: Advance = lambda *_, **__: None,
+    plants: Sequence[str] = tuple(PLANTS),
 ) -> tuple[dict[str, list[str]], dict[str, Any]]:
     """(Why each controller is unsafe, by name; the proof as plain values for scores.json)."""
     speeds = tuple((robustness.QUICK_KMH,) if quick else (row.speed_kmh for row in reference.file.rows))
-    places = list(product(PLANTS, controllers.CAUSALITIES))
+    places = list(product(plants, controllers.CAUSALITIES))
     plain = tuple(name for name in names if name not in makers and has_law(partial(controllers.make, name), reference))
     own = {name: make for name, make in makers.items() if has_law(make, reference)}
     systems = [robustness.System(plant, causality, plain, reference, speeds) for plant, causality in places]

@@ -15,6 +15,7 @@ from experiments.report.benchmark_limits import limit, step_cost
 from experiments.report.benchmark_method import method
 from experiments.report.benchmark_plants import nominal_numbers, plant_section
 from experiments.report.benchmark_ranking import answer, where_from
+from experiments.report.benchmark_rig import beside_simulation
 from experiments.report.benchmark_robustness import robustness
 from experiments.report.page import Report
 from experiments.report.style import looks_of
@@ -50,6 +51,7 @@ def make_report(summary: Mapping[str, Any], exhibits: Sequence[Result], scored: 
         missing = "No test case was driven, so there is no ranking: only exhibits on the nominal plant."
         report.text("There is no ranking." if scored else missing)
         nominal_numbers(report, summary, looks)
+    beside_simulation(report, summary, looks)
     where_from(report, scored, looks)
     robustness(report, summary, looks)
     for plant in dict.fromkeys(r["case"]["plant"] for r in results):

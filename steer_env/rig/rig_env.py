@@ -48,6 +48,7 @@ class RigEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Options
     Those of ``Connection`` (motor, interface, channel, torque_cap, ...) and the fields of ``Task``. On a real rig the
     person is the driver and does what the manoeuvre says; ``driver`` and ``manoeuvre`` move the hand of a virtual one.
+    ``rest`` are seconds after the manoeuvre that still belong to the episode.
 
     ## Version history
     v0: first.
@@ -55,12 +56,13 @@ class RigEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium reads it from the class)
 
-    def __init__(self, render_mode: str | None = None, **options: Any) -> None:
+    def __init__(self, render_mode: str | None = None, rest: float = 0.0, **options: Any) -> None:
         if render_mode is not None:
             raise ValueError("a rig draws nothing: look at the wheel")
         self.render_mode = None
-        self.connection, rest = Connection.taken_from(options)
-        self.task = Task().changed({"plant": "SbW"} | rest)
+        self._rest_periods = round(rest / PERIOD)
+        self.connection, others = Connection.taken_from(options)
+        self.task = Task().changed({"plant": "SbW"} | others)
         n = len(Observation._fields)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gymnasium.spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, (n,), np.float32)
@@ -104,7 +106,7 @@ class RigEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def periods(self) -> int:
         """How many steps the episode has."""
-        return self._setup.periods
+        return self._setup.periods + self._rest_periods
 
     def action_for(self, torque: float) -> NDArray[np.float32]:
         """The action that asks for a motor torque in N m."""
@@ -171,7 +173,7 @@ class RigEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         rows = (self._rows[0][0], self._rows[1][0])
         step_measured(*measured, *rows, *tables, self._scales, self._observation, self._scaled, self._truth)
         self._period += 1
-        info = self._info(clipped, COMPLETE if self._period >= self._setup.periods else "")
+        info = self._info(clipped, COMPLETE if self._period >= self.periods else "")
         if info["unstable"] > 0.5:
             session.stop(UNSTABLE)
             info["ended"] = UNSTABLE
