@@ -20,7 +20,7 @@ from typing import Any
 
 import click
 
-from experiments import bench_cases, benchmark, identify, simulate
+from experiments import bench_cases, bench_scores, identify, simulate
 from experiments.bench_run import run_cases
 from experiments.bench_verdict import verdicts
 from experiments.cli_options import common_options, print_json, print_table, progress
@@ -56,7 +56,7 @@ def command(out: Path, seed: int, jobs: int, quiet: bool, as_json: bool) -> None
         reference = Reference.load(out / "identified" / "reference.json")
         store = out / "benchmark" / "cases"
         results = run_cases(cases, reference, seed, jobs, store, advance)
-        benchmark.write_scores(out / "benchmark", results, reference.source, seed, {}, {})
+        bench_scores.write_scores(out / "benchmark", results, reference.source, seed, {}, {})
         truth = json.loads((out / "campaign" / "truth.json").read_text("utf-8"))["rows"]
         judged = judgement(found, truth)
         write_demo_report(out, found, judged, results, seed)
@@ -65,7 +65,7 @@ def command(out: Path, seed: int, jobs: int, quiet: bool, as_json: bool) -> None
         print_json({"identified": judged, "report": str(out / "report.html")})
         return
     print_table(["km/h", *JUDGED], _beside(judged), title="reference: identified (true)")
-    print_table(*benchmark.short_table(verdicts(results)), title="tracking it at 75 km/h, relaxed arm")
+    print_table(*bench_scores.short_table(verdicts(results)), title="tracking it at 75 km/h, relaxed arm")
     click.echo(f"report: {out / 'report.html'}")
 
 

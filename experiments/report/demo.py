@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from experiments.bench_scores import Result, short_table
 from experiments.bench_verdict import LIMIT_DB, LIMIT_DEG, REQUIRED_BAND_HZ, Verdict, verdicts
-from experiments.benchmark import Result, short_table
 from experiments.report import benchmark_figures, identify_figures
 from experiments.report.page import Report
 from identification.result import Identification

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 
-from experiments import benchmark
+from experiments import bench_scores
 from experiments.assessment import Assessment
 from experiments.bench_cases import Case
 from experiments.stability_gate import safe
@@ -108,4 +108,4 @@ def summary_of(results, proven=None):
         ]
         for name in names
     }  # fmt: skip
-    return benchmark.write_scores(None, results, "published", 0, gates, proven)
+    return bench_scores.write_scores(None, results, "published", 0, gates, proven)
