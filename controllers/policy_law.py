@@ -31,6 +31,7 @@ from controllers.blocks import Notch, NotchState, assist_slope, notch_step
 from controllers.schedule import felt_at
 from steer_env.interface import Law, Observation
 from steer_env.physics._jit import compiled, named, scalar
+from steer_env.physics.rows import place
 from steer_env.units import Quantity
 
 SIGNAL_LIMIT = 10.0  # times a signal's scale
@@ -153,13 +154,7 @@ def smoothed(m: Memory, p: Any) -> tuple[float, Memory]:
 @scalar
 def share_at(speed: float, shares: Any) -> float:
     """Share of the authority at a speed in m/s, straight between the rows of ``shares``."""
-    last = shares.shape[0] - 1
-    low = 0
-    while low < last - 1 and shares[low + 1, 0] <= speed:
-        low += 1
-    high = min(low + 1, last)
-    span = shares[high, 0] - shares[low, 0]
-    along = 0.0 if span <= 0.0 else min(max((speed - shares[low, 0]) / span, 0.0), 1.0)
+    low, high, along = place(speed, shares)
     value: float = shares[low, 1] + along * (shares[high, 1] - shares[low, 1])
     return value
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from steer_env.physics._jit import scalar
 from steer_env.physics.reference import ReferenceParameters
+from steer_env.physics.rows import place
 from steer_env.plants import Reference
 from steer_env.plants.reference import steady_stiffness
 
@@ -46,13 +47,7 @@ def schedule_of(reference: Reference) -> NDArray[np.float64]:
 @scalar
 def felt_at(speed: float, schedule: Any) -> Felt:
     """The reference at a speed in m/s."""
-    last = schedule.shape[0] - 1
-    low = 0
-    while low < last - 1 and schedule[low + 1, 0] <= speed:
-        low += 1
-    high = min(low + 1, last)
-    span = schedule[high, 0] - schedule[low, 0]
-    share = 0.0 if span <= 0.0 else min(max((speed - schedule[low, 0]) / span, 0.0), 1.0)
+    low, high, share = place(speed, schedule)
     return Felt(
         _between(schedule, 1, low, high, share),
         _between(schedule, 2, low, high, share),

@@ -14,7 +14,7 @@ import numpy as np
 
 from identification.frf import Floats
 from identification.gap.evidence import residuals
-from identification.gap.fit import Judge, stacked
+from identification.gap.fit import Judge, stacked, weights_of
 from identification.gap.search import LEAST_ERROR, Candidate
 
 CONSTANTS = ("n_t", "C_f", "C_r", "J_z", "sigma_f", "sigma_r")  # cannot depend on speed
@@ -74,7 +74,7 @@ def drift(judge: Judge, null: Candidate) -> list[Symptom]:
     constants = [name for name in CONSTANTS if name in names]
     if len(groups) < 2 or not constants:
         return []
-    weights = [1.0 / np.sqrt(v) for v in judge.variance(np.maximum(null.error, LEAST_ERROR))]
+    weights = weights_of(judge, np.maximum(null.error, LEAST_ERROR))
     steps, errors = [], []
     for group in groups:
         inside = [i for i, record in enumerate(judge.records) if record.group == group]

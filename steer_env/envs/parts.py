@@ -30,6 +30,7 @@ from steer_env.physics.reference import (
     single_track_of,
     track_map_column,
 )
+from steer_env.physics.rows import place
 from steer_env.physics.sensors import Sensors, measured
 from steer_env.physics.steering import Steering
 from steer_env.physics.vehicle import lateral_acceleration
@@ -77,13 +78,7 @@ def _row_at(speed: float, table: Any, s_row: Any, start: int) -> None:
 
     Straight between the table's rows, held beyond its ends.
     """
-    last = table.shape[0] - 1
-    low = 0
-    while low < last - 1 and table[low + 1, 0] <= speed:
-        low += 1
-    high = min(low + 1, last)
-    span = table[high, 0] - table[low, 0]
-    share = 0.0 if span <= 0.0 else min(max((speed - table[low, 0]) / span, 0.0), 1.0)
+    low, high, share = place(speed, table)
     for j in range(N_REFERENCE):
         below = table[low, 1 + j]
         s_row[start + j] = below + share * (table[high, 1 + j] - below)

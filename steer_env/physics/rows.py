@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.physics._jit import named
+from steer_env.physics._jit import named, scalar
 from steer_env.physics._records import reads, row_address, type_of, writes
 
 Row = NDArray[np.float64]
@@ -39,6 +39,19 @@ def storer(record: Any, start: int) -> Callable[[Row, Any], None]:
 
     writes(named(store, record, start), start, row_address)
     return store
+
+
+@scalar
+def place(x: float, table: Any) -> tuple[int, int, float]:
+    """(Row below, row above, share of the way between) of x in the ascending first column; held beyond its ends."""
+    last = table.shape[0] - 1
+    low = 0
+    while low < last - 1 and table[low + 1, 0] <= x:
+        low += 1
+    high = min(low + 1, last)
+    span = table[high, 0] - table[low, 0]
+    share = 0.0 if span <= 0.0 else min(max((x - table[low, 0]) / span, 0.0), 1.0)
+    return low, high, share
 
 
 class Layout:

@@ -10,15 +10,14 @@ import controllers
 from controllers import CAUSALITIES, CONTROLLERS
 from controllers.blocks import Notch, NotchState, notch, notch_step
 from experiments import coupled_stability
-from experiments.rollout import first_observation, run
-from steer_env.envs import batch
+from experiments.rollout import run
 from steer_env.envs.layout import PERIOD, Truth
-from steer_env.envs.period import control_period
-from steer_env.envs.task import Task, prepare
+from steer_env.envs.task import Task
 from steer_env.errors import InputError
 from steer_env.interface import Controller, Observation
 from steer_env.physics._jit import scalar
 from steer_env.plants import DRIVERS, PLANTS, Reference
+from tests.controllers.stepped_episode import assert_steps_are_the_rollout
 
 LOOPS = list(product(CONTROLLERS, PLANTS, CAUSALITIES))
 LINEAR = [False, True]
@@ -72,22 +71,7 @@ def test_at_rest_nothing_is_commanded(name, plant, causality):
 def test_python_and_machine_code_give_the_same_bits(name, plant, causality):
     """Catches a law that only looks the same: an int, a power, a numpy function, a global."""
     task = Task(plant, causality, reference(), duration=0.15)
-    controller = made(name, plant, causality)
-    episode = run(task, controller, seed=3)
-    rng = np.random.default_rng(3)
-    setup = prepare(task, rng, PERIOD)
-    noise = rng.standard_normal((setup.periods, 2))
-    parameters, states, lines = batch.new_rows(1)
-    parameters[0] = setup.row
-    batch.start_batch(parameters, states, lines, setup.table, setup.car_table)
-    observation = first_observation(setup)
-    controller.reset(PERIOD)
-    for k in range(setup.periods):
-        observation, truth = control_period(
-            controller(observation), *noise[k].tolist(), parameters[0], states[0], lines[0],
-            setup.table, setup.car_table,
-        )  # fmt: skip
-        assert tuple(episode.signals[k].tolist()) == tuple(map(float, truth)), f"period {k}"
+    assert_steps_are_the_rollout(made(name, plant, causality), task)
 
 
 def test_the_speed_schedule_goes_through_its_rows_and_holds_at_its_ends():

@@ -17,16 +17,15 @@ from experiments.learning.scoring import training_score
 from experiments.linear_loop import closed_loop, environment_half, modes
 from experiments.operating_points import place_of
 from experiments.periodic_loop import growing, step_modes
-from experiments.rollout import first_observation, run
+from experiments.rollout import run
 from experiments.step_times import compiled_passes, recorded
-from steer_env.envs import batch
 from steer_env.envs.layout import PERIOD
-from steer_env.envs.period import control_period
-from steer_env.envs.task import Task, prepare
+from steer_env.envs.task import Task
 from steer_env.errors import InputError
 from steer_env.interface import Controller, Observation
 from steer_env.plants import DRIVERS, PLANTS, Reference
 from tests.controllers.made_up_policy import made_up
+from tests.controllers.stepped_episode import assert_steps_are_the_rollout
 
 REFERENCE = Reference.load("published")
 LOOPS = list(product(("pid", None), PLANTS, CAUSALITIES))
@@ -71,22 +70,7 @@ def test_the_contract(base, plant, causality):
 def test_python_and_machine_code_give_the_same_bits(plant, causality, squashed):
     """Catches a law that only looks the same in a rollout: an int, a sum in another order, a global."""
     task = Task(plant, causality, REFERENCE, duration=0.3)
-    controller = controller_of(made_up(plant, causality, squashed=squashed))
-    episode = run(task, controller, seed=3)
-    rng = np.random.default_rng(3)
-    setup = prepare(task, rng, PERIOD)
-    noise = rng.standard_normal((setup.periods, 2))
-    parameters, states, lines = batch.new_rows(1)
-    parameters[0] = setup.row
-    batch.start_batch(parameters, states, lines, setup.table, setup.car_table)
-    observation = first_observation(setup)
-    controller.reset(PERIOD)
-    for k in range(setup.periods):
-        observation, truth = control_period(
-            controller(observation), *noise[k].tolist(), parameters[0], states[0], lines[0],
-            setup.table, setup.car_table,
-        )  # fmt: skip
-        assert tuple(episode.signals[k].tolist()) == tuple(map(float, truth)), f"period {k}"
+    assert_steps_are_the_rollout(controller_of(made_up(plant, causality, squashed=squashed)), task)
 
 
 @pytest.mark.parametrize(("plant", "causality"), list(product(PLANTS, CAUSALITIES)))
