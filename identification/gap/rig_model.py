@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.campaign import Campaign, Run, require
+from identification.campaign import Campaign, KnownRig, Run, require
 from identification.frf import Floats
 from identification.gap.basis import white_noise
 from identification.gap.model import Present, Record, Unknown, Values, sliding
@@ -28,6 +28,7 @@ from steer_env.physics.effects.rig_moment import RigMoment
 
 ANGLE, TORQUE, SENSOR = "motor_angle_rad", "motor_torque_Nm", "sensor_torque_Nm"
 REST = "torque left by the nominal model"  # a channel of our own beside a run's: in it repeats differ by their noise
+LEAST_INERTIA = 1e-5  # kg m2; no motor on a bench has less
 REST_RATE = 0.03  # rad/s below which the motor counts as at rest: three encoder steps of 0.009 deg in 16 ms
 # The motion is used up to the frequency at which the twice differentiated encoder's noise, integrated up to there, is
 # this share of the torque; within these limits in Hz and below this share of the sampling frequency.
@@ -130,9 +131,9 @@ def rig_model(campaign: Campaign) -> RigModel:
     for run in campaign.runs:
         require(run, [ANGLE, TORQUE], "the gap workflow")
     fitted = [run for run in campaign.runs if run.role == "identify"]
-    J, _ = start_values(fitted, NARROWEST_HZ)
+    J, _ = start_values(fitted, NARROWEST_HZ, campaign.rig)
     motion_Hz = usable_band(fitted, J)
-    J, b = start_values(fitted, motion_Hz)
+    J, b = start_values(fitted, motion_Hz, campaign.rig)
     runs = [_with_rest(run, J, b, motion_Hz) for run in campaign.runs]
     records = records_of(runs, ANGLE, (ANGLE, SENSOR), (TORQUE, REST))
     unknowns = (
@@ -163,8 +164,8 @@ def quiet_band(angle: Floats, dt: float, J: float, torque: float) -> float:
     return float((torque / noise) ** 0.4) if noise > 0.0 else np.inf
 
 
-def start_values(runs: Sequence[Run], motion_Hz: float) -> tuple[float, float]:
-    """Least-squares J in kg m2 and b in N m s/rad over runs."""
+def start_values(runs: Sequence[Run], motion_Hz: float, known: KnownRig | None = None) -> tuple[float, float]:
+    """Least-squares J in kg m2 and b in N m s/rad over runs; what is known of the rig where they show no inertia."""
     table, torque = [], []
     for run in runs:
         _, rate, acceleration = motion(run.channels[ANGLE], run.dt, motion_Hz)
@@ -175,7 +176,10 @@ def start_values(runs: Sequence[Run], motion_Hz: float) -> tuple[float, float]:
         table.append(np.column_stack([acceleration, rate])[inner])
         torque.append(limited[inner])
     (J, b), *_ = np.linalg.lstsq(np.concatenate(table), np.concatenate(torque), rcond=None)
-    return max(float(J), 1e-5), float(b)
+    if J > LEAST_INERTIA:
+        return float(J), float(b)
+    J_known, b_known = (None, None) if known is None else known
+    return J_known or LEAST_INERTIA, float(b) if b_known is None else b_known
 
 
 def _with_rest(run: Run, J: float, b: float, motion_Hz: float) -> Run:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from identification.campaign import read_campaign
+from identification.campaign import KnownRig, read_campaign
 from identification.gap.basis import band_of, white_noise
 from identification.gap.model import sliding
-from identification.gap.rig_model import ANGLE, REST_RATE, TORQUE, RigModel, motion, quiet_band, rig_model
+from identification.gap.rig_model import ANGLE, REST_RATE, TORQUE, RigModel, motion, quiet_band, rig_model, start_values
 from identification.motion import band_limited
 from steer_env.errors import InputError
 from steer_env.testcar.bench import LOADED, Bench, bench_campaign
@@ -85,6 +86,16 @@ def test_a_clean_bench_is_the_nominal_model(tmp_path: Path) -> None:
     assert rms(measured(model) - predicted(model, TRUE, {})) < 1e-3 * rms(measured(model))
     assert model.unknowns[0].start == pytest.approx(TRUE["J"], rel=0.01)
     assert model.unknowns[1].start == pytest.approx(TRUE["b"], abs=0.01)
+
+
+def test_known_values_start_where_a_log_shows_no_inertia(tmp_path: Path) -> None:
+    """A torque logged with its sign turned gives a negative inertia: the [rig] table's values stand in."""
+    bench_campaign(tmp_path, {}, seed=4, repeats=1, clean=True)
+    runs = read_campaign(tmp_path).runs
+    turned = [replace(run, channels={**run.channels, TORQUE: -run.channels[TORQUE]}) for run in runs]
+    assert start_values(runs, 8.0, KnownRig(0.5, 0.7))[0] == pytest.approx(TRUE["J"], rel=0.02)
+    assert start_values(turned, 8.0, KnownRig(0.5, 0.7)) == (0.5, 0.7)
+    assert start_values(turned, 8.0, KnownRig(None, None))[0] > 0.0
 
 
 def test_gain_needs_a_torque_sensor(tmp_path: Path) -> None:
