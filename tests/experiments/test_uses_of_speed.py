@@ -16,7 +16,7 @@ def test_uses_tell_how_much_driving_they_simulated(tmp_path: Path) -> None:
     campaign = read_campaign(tmp_path)
     (sine,) = campaign.select("steady_state")[SPEED_KMH][:1]
     driven = {name: use() for name, use in uses(campaign).items()}
-    assert driven.pop("episodes under a controller, with noise") == EPISODES * EPISODE_S
+    assert driven.pop("episodes under a controller, with noise") >= EPISODES * EPISODE_S  # all to their end
     assert driven.pop("a benchmark case with all its metrics") > 5.0
     assert len(driven) == 3
     for seconds in driven.values():  # the same sine, driven or predicted
