@@ -15,7 +15,7 @@ from steer_env.envs import batch
 from steer_env.envs.blocks import Score, make_lanes_rollout, new_blocks, start_lane
 from steer_env.envs.lanes import Switches, switches_of
 from steer_env.envs.layout import PARAMETERS, PERIOD, Truth
-from steer_env.envs.task import Setup, Task, prepare
+from steer_env.envs.task import Ready, Setup, Task, prepare
 from steer_env.interface import Controller, Law, Observation
 from steer_env.physics._jit import COMPILED
 from steer_env.physics.lanes import WIDTH, flat
@@ -50,9 +50,7 @@ def first_observation(setup: Setup) -> Observation:
     return Observation(**{**zeros, "speed": PARAMETERS.read(setup.row, "episode").speed})
 
 
-def run(
-    task: Task, controller: Controller, seed: int | Sequence[int] = 0, settle: float = 0.0
-) -> Episode:
+def run(task: Task, controller: Controller, seed: int | Sequence[int] = 0, settle: float = 0.0) -> Episode:
     """Run a task and ``settle`` seconds of rest after it; the same seed gives the same bits.
 
     A controller without a pure ``law`` is called once per period, which takes some fifty times as long.
@@ -82,11 +80,12 @@ def scored(task: Task, controller: Controller, seeds: Sequence[int]) -> Array:
     Full blocks of WIDTH episodes run side by side where lanes can run the task; others one after the other.
     """
     scores = np.zeros((len(seeds), len(Score._fields)))
-    setup = prepare(task, np.random.default_rng(0), PERIOD)
+    ready = Ready(task, PERIOD)
+    setup = ready.drawn(np.random.default_rng(0))
     switches = switches_of(setup.row, setup.table, setup.car_table) if setup.effects is None else None
     in_lanes = len(seeds) // WIDTH * WIDTH if switches is not None and COMPILED and hasattr(controller, "law") else 0
     for first in range(0, in_lanes, WIDTH):
-        _score_block(task, controller, seeds[first : first + WIDTH], cast(Switches, switches), scores[first:])
+        _score_block(ready, controller, seeds[first : first + WIDTH], cast(Switches, switches), scores[first:])
     for k in range(in_lanes, len(seeds)):
         episode = run(task, controller, seeds[k])
         reward = np.sum([episode[name] for name in Truth._fields if name.startswith("reward")], axis=0)
@@ -95,12 +94,12 @@ def scored(task: Task, controller: Controller, seeds: Sequence[int]) -> Array:
     return scores
 
 
-def _score_block(task: Task, controller: Any, seeds: Sequence[int], switches: Switches, scores: Array) -> None:
+def _score_block(ready: Ready, controller: Any, seeds: Sequence[int], switches: Switches, scores: Array) -> None:
     """Scores of WIDTH episodes, with noise drawn as it is needed."""
     blocks, lines = new_blocks(1)
     generators = [np.random.default_rng(seed) for seed in seeds]
     for lane, rng in enumerate(generators):
-        setup = prepare(task, rng, PERIOD)
+        setup = ready.drawn(rng)
         start_lane(blocks, lines, lane, setup.row, setup.table, setup.car_table)
     controller.reset(PERIOD)
     state = controller.state()
@@ -111,9 +110,7 @@ def _score_block(task: Task, controller: Any, seeds: Sequence[int], switches: Sw
         n = min(NOISE_PERIODS, setup.periods - start)
         for lane, rng in enumerate(generators):
             rng.standard_normal(out=noise[lane, :n])
-        rollout(
-            law_states, controller.parameters, noise, n, blocks[0], lines[0], setup.table, setup.car_table, sums
-        )
+        rollout(law_states, controller.parameters, noise, n, blocks[0], lines[0], setup.table, setup.car_table, sums)
     scores[:WIDTH] = sums.T
 
 

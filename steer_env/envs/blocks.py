@@ -19,14 +19,16 @@ from steer_env.envs.lanes import (
     NOISE_ANGLE,
     NOISE_TORQUE,
     PARAMETER_ROWS,
+    SPEED,
     STATE_ROWS,
     Switches,
     load_observation,
     load_truth,
     make_lanes_period,
 )
-from steer_env.envs.layout import LINE_LENGTH, LINES, OBSERVATION_LIMIT, STATE, Truth
-from steer_env.physics._jit import compiled_with, named, scalar
+from steer_env.envs.layout import LINE_LENGTH, LINES, OBSERVATION_LIMIT, PARAMETERS, Truth
+from steer_env.envs.parts import set_speed
+from steer_env.physics._jit import compiled, compiled_with, named, scalar
 from steer_env.physics.control_unit import Observation
 from steer_env.physics.lanes import WIDTH, lane_loader, lane_records, lane_storer
 
@@ -46,6 +48,7 @@ _load_score, _store_score = lane_loader(Score, 0), lane_storer(Score, 0)
 OBSERVED = BENCH_ROWS.start + BENCH["observation"].start
 TRUE = BENCH_ROWS.start + BENCH["truth"].start
 SPEED_OBSERVED = OBSERVED + Observation._fields.index("speed")
+SPEED_GIVEN = PARAMETERS.column("episode", "speed")
 CACHE_LINE = 8  # floats
 N_OBSERVED, N_TRUE = len(Observation._fields), len(Truth._fields)
 
@@ -61,17 +64,16 @@ def new_blocks(n: int) -> tuple[Array, Array]:
     return blocks, np.zeros((n, len(LINES), LINE_LENGTH, WIDTH))
 
 
+@compiled
 def start_lane(blocks: Array, lines: Array, i: int, row: Array, table: Array, car_table: Array) -> None:
     """Bring environment ``i`` with a parameter row to rest at the start of an episode."""
-    parameters, states, line = batch.new_rows(1)
-    parameters[0] = row
-    batch.start_batch(parameters, states, line, table, car_table)
-    block, lane = divmod(i, WIDTH)
-    blocks[block, PARAMETER_ROWS, lane] = parameters[0]
-    blocks[block, STATE_ROWS, lane] = states[0]
-    lines[block, :, :, lane] = line[0]
-    blocks[block, BENCH_ROWS, lane] = 0.0
-    blocks[block, SPEED_OBSERVED, lane] = STATE.read(states[0], "clock").speed
+    block, lane = blocks[i // WIDTH], i % WIDTH
+    block[:, lane] = 0.0
+    lines[i // WIDTH, :, :, lane] = 0.0
+    block[PARAMETER_ROWS, lane] = row
+    speed = row[SPEED_GIVEN]
+    block[SPEED, lane] = block[SPEED_OBSERVED, lane] = speed
+    set_speed(speed, block[PARAMETER_ROWS, lane], block[STATE_ROWS, lane], table, car_table)
 
 
 @cache
