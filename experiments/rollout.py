@@ -11,9 +11,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.schedule import Felt, looked_up, schedules_in
 from steer_env.envs import batch
-from steer_env.envs.blocks import Score, make_lanes_rollout, new_blocks, start_lane
+from steer_env.envs.blocks import new_blocks, start_lane
 from steer_env.envs.lanes import Switches, switches_of
+from steer_env.envs.lanes_rollout import LanesRollout, LookUp, Score, make_lanes_rollout
 from steer_env.envs.layout import PARAMETERS, PERIOD, Truth
 from steer_env.envs.task import Ready, Setup, Task, prepare
 from steer_env.interface import Controller, Law, Observation
@@ -88,29 +90,32 @@ def scored(task: Task, controller: Controller, seeds: Sequence[int]) -> Array:
         _score_block(ready, controller, seeds[first : first + WIDTH], cast(Switches, switches), scores[first:])
     for k in range(in_lanes, len(seeds)):
         episode = run(task, controller, seeds[k])
-        reward = np.sum([episode[name] for name in Truth._fields if name.startswith("reward")], axis=0)
+        reward = sum(episode[name] for name in Truth._fields if name.startswith("reward"))
         error = episode["error"]
-        scores[k] = len(error), reward.sum(), error @ error, not episode.stable
+        # Summed from the first period to the last, as lanes do: np.sum would round otherwise.
+        sums = np.cumsum([reward, error * error], axis=1)[:, -1]
+        scores[k] = len(error), *sums, not episode.stable
     return scores
 
 
 def _score_block(ready: Ready, controller: Any, seeds: Sequence[int], switches: Switches, scores: Array) -> None:
     """Scores of WIDTH episodes, with noise drawn as it is needed."""
-    blocks, lines = new_blocks(1)
+    controller.reset(PERIOD)
+    state, (look_up, speed_table) = controller.state(), look_up_of(controller.parameters)
+    rollout = lanes_rollout_of(controller.law, Shape(state), switches, look_up)
+    blocks, lines = new_blocks(1, rollout.size)
     generators = [np.random.default_rng(seed) for seed in seeds]
     for lane, rng in enumerate(generators):
         setup = ready.drawn(rng)
         start_lane(blocks, lines, lane, setup.row, setup.table, setup.car_table)
-    controller.reset(PERIOD)
-    state = controller.state()
-    law_states = np.repeat(np.array(flat(state))[:, None], WIDTH, axis=1)
-    rollout = lanes_rollout_of(controller.law, Shape(state), switches)
+    blocks[0, rollout.state] = np.array(flat(state))[:, None]
     sums, noise = np.zeros((len(Score._fields), WIDTH)), np.zeros((WIDTH, NOISE_PERIODS, 2))
+    law, rows = (controller.parameters, speed_table), (blocks[0], lines[0], setup.table, setup.car_table)
     for start in range(0, setup.periods, NOISE_PERIODS):
         n = min(NOISE_PERIODS, setup.periods - start)
         for lane, rng in enumerate(generators):
             rng.standard_normal(out=noise[lane, :n])
-        rollout(law_states, controller.parameters, noise, n, blocks[0], lines[0], setup.table, setup.car_table, sums)
+        rollout.run(*law, noise, n, *rows, sums)
     scores[:WIDTH] = sums.T
 
 
@@ -154,6 +159,15 @@ class Shape:
 
 
 @cache
-def lanes_rollout_of(law: Law, shape: Shape, switches: Switches) -> Callable[..., None]:
-    """The compiled episodes of a block around a law; see ``blocks.make_lanes_rollout``."""
-    return make_lanes_rollout(law, shape.state, switches)
+def lanes_rollout_of(law: Law, shape: Shape, switches: Switches, look_up: LookUp | None = None) -> LanesRollout:
+    """The compiled episodes of a block around a law; see ``lanes_rollout``."""
+    return make_lanes_rollout(law, shape.state, switches, look_up)
+
+
+def look_up_of(parameters: Any) -> tuple[LookUp | None, Array | None]:
+    """What a law's parameters have over speed, if it is one table, and that table."""
+    found = schedules_in(parameters)
+    tables = list(found.values())
+    if not tables or not all(np.array_equal(table, tables[0]) for table in tables):
+        return None, None
+    return LookUp(looked_up, Felt, tuple(found)), tables[0]
