@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -58,10 +59,8 @@ def schedules_in(parameters: Any, path: Path = ()) -> dict[Path, NDArray[np.floa
     """The parameters of type Schedule, however deep, by the path of field numbers that leads to them."""
     if not hasattr(parameters, "_fields"):
         return {}
-    try:
-        hints = get_type_hints(type(parameters))
-    except NameError:  # a law's own file may name types that only a type checker imports
-        return {}
+    kind: Any = type(parameters)
+    hints = _hints(kind)
     found: dict[Path, NDArray[np.float64]] = {}
     for k, (name, value) in enumerate(zip(parameters._fields, parameters, strict=True)):
         if hints.get(name) == Schedule:
@@ -69,6 +68,14 @@ def schedules_in(parameters: Any, path: Path = ()) -> dict[Path, NDArray[np.floa
         else:
             found |= schedules_in(value, (*path, k))
     return found
+
+
+@cache
+def _hints(record: Any) -> dict[str, Any]:
+    try:
+        return get_type_hints(record)
+    except NameError:  # a law's own file may name types that only a type checker imports
+        return {}
 
 
 def felt_at(speed: float, schedule: Any) -> Felt:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.rollout import Shape, lanes_rollout_of
+from experiments.scored_lanes import Shape, lanes_rollout_of
 from steer_env.envs.blocks import new_blocks, start_lane
 from steer_env.envs.lanes import BENCH, BENCH_ROWS, BLOCK_SIZE, PARAMETER_ROWS, STATE_ROWS, Switches, switches_of
 from steer_env.envs.lanes_rollout import Score

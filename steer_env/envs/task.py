@@ -121,7 +121,8 @@ class Ready:
             what = "a model brings its own reference"
             raise InputError("reference", what, "leave 'reference' away, or write another reference into the model")
         self.reference = Reference.load(task.reference if model is None else model.feel, task.linear)
-        self.car_table = self.reference.table if task.car is None else Reference.load(task.car).table
+        car = self.reference if task.car is None else Reference.load(task.car)
+        self.tables = self.reference.table, car.table
         self.speeds = (0.0, 0.0) if "speed" in self.chosen else _speeds(task.speed_kmh)
         if task.sensors is not None:
             plant = replace(plant, sensors=task.sensors)
@@ -165,9 +166,8 @@ class Ready:
         if not ((row >= _LOW) & (row <= _HIGH)).all():
             for name in PARAMETERS.records:
                 check_ranges(PARAMETERS.read(row, name), name)
-        tables = self.reference.table, self.car_table
         believed = self.plant.believed()
-        return Setup(row, round(length / self.period), *tables, self.reference, believed, self.effects)
+        return Setup(row, round(length / self.period), *self.tables, self.reference, believed, self.effects)
 
 
 def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:

@@ -9,7 +9,8 @@ import pytest
 import controllers
 from controllers.schedule import Schedule, felt_at, schedule_of, schedules_in
 from experiments import speed, speed_limit
-from experiments.rollout import look_up_of, run, scored
+from experiments.rollout import run, scored
+from experiments.scored_lanes import look_up_of
 from steer_env.envs.lanes_rollout import Score
 from steer_env.envs.layout import Truth
 from steer_env.envs.task import Task
