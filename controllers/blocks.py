@@ -9,6 +9,7 @@ from controllers.schedule import Felt
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
 from steer_env.physics.assist import assist, incremental_assist, inverse_assist
+from steer_env.physics.elementary import exponential
 
 
 class Notch(NamedTuple):
@@ -52,7 +53,7 @@ def notch_step(u: float, x: NotchState, p: Notch) -> tuple[float, NotchState]:
 @scalar
 def low_pass(value: float, target: float, bandwidth: float, period: float) -> float:
     """First-order lag of ``bandwidth`` rad/s after one period."""
-    return target + (value - target) * math.exp(-bandwidth * period)
+    return target + (value - target) * exponential(-bandwidth * period)
 
 
 @scalar

@@ -19,13 +19,13 @@ reference's own inertia and assist (controllers.tracking).
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from controllers.blocks import Notch, NotchState, low_pass, notch_step
 from controllers.hardware import bar_notch, hardware_of, total_delay
 from controllers.law import Gain, LawController, with_gains
 from controllers.pid import load_seen
-from controllers.schedule import Felt, felt_at
+from controllers.schedule import Felt, Schedule, felt_at
 from controllers.tracking import (
     MotionState,
     Target,
@@ -61,7 +61,7 @@ TUNABLE: dict[str, tuple[float, float]] = {
 class ObserverParameters(NamedTuple):
     """Parameters of both laws; torques at the lower body unless said otherwise."""
 
-    schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
+    schedule: Schedule  # schedule_of(reference), float64 [n, 1 + fields of Felt]
     period: Annotated[float, Quantity("s", "control period", 1e-5, 0.05, "the loop's own")]
     motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, _N)]
     rack_share: Annotated[float, Quantity("-", "1 where the car loads the lower body, 0 for SbW", 0.0, 1.0, _N)]

@@ -20,7 +20,7 @@ from controllers.hardware import bar_notch, hardware_of, total_delay
 from controllers.kalman import Estimate
 from controllers.law import Gain, LawController, with_gains
 from controllers.lqg_design import Design, design
-from controllers.schedule import felt_at
+from controllers.schedule import Schedule, felt_at
 from controllers.tracking import MotionState, Target, angle_target, motion_step, torque_target
 from controllers.twist import deviation, estimated
 from steer_env.interface import Observation
@@ -51,7 +51,7 @@ TUNABLE: dict[str, tuple[float, float]] = {
 class LqgParameters(NamedTuple):
     """Parameters of both laws; torques at the lower body unless said otherwise."""
 
-    schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
+    schedule: Schedule  # schedule_of(reference), float64 [n, 1 + fields of Felt]
     step: Any  # float64 [7, 9]: Estimate one period on from (Estimate, motor target, known load)
     correction: Any  # float64 [7, 2]: Kalman gain on torque and angle
     outputs: Any  # float64 [2, 7]

@@ -12,7 +12,7 @@ friction, without inertia or frequency response.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from controllers.blocks import (
     Notch,
@@ -25,7 +25,7 @@ from controllers.blocks import (
 )
 from controllers.hardware import bar_notch, total_delay
 from controllers.law import Gain, LawController, with_gains
-from controllers.schedule import Felt, felt_at, schedule_of
+from controllers.schedule import Felt, Schedule, felt_at, schedule_of
 from steer_env.interface import Observation
 from steer_env.physics._jit import scalar
 from steer_env.physics.friction import dahl_step
@@ -49,7 +49,7 @@ TUNABLE: dict[str, tuple[float, float]] = {
 class MapParameters(NamedTuple):
     """Parameters of the three maps; torques at the lower body unless said otherwise."""
 
-    schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
+    schedule: Schedule  # schedule_of(reference), float64 [n, 1 + fields of Felt]
     period: Annotated[float, Quantity("s", "control period", 1e-5, 0.05, "the loop's own")]
     motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, _N)]
     J_pin: Annotated[float, Quantity("kg m2", "lower-body inertia", 5e-4, 1.0, _N)]

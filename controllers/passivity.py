@@ -41,7 +41,7 @@ import controllers
 from controllers.blocks import Notch, NotchState, low_pass, notch_step, torque_of
 from controllers.hardware import bar_notch, total_delay
 from controllers.law import PERIOD, Gain, LawController, with_gains
-from controllers.schedule import felt_at, schedule_of
+from controllers.schedule import Schedule, felt_at, schedule_of
 from steer_env.interface import Law, Observation
 from steer_env.physics._jit import named, scalar
 from steer_env.physics.friction import dahl_step
@@ -62,7 +62,7 @@ class PassivityParameters(NamedTuple):
     """The inner law's parameters and the wrapper's own; torques at the lower body."""
 
     inner: Any  # parameters of the inner law
-    schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
+    schedule: Schedule  # schedule_of(reference), float64 [n, 1 + fields of Felt]
     period: Annotated[float, Quantity("s", "control period", 1e-5, 0.05, "the loop's own")]
     delay: Annotated[float, Quantity("s", "T_d", 1e-5, 0.2, "computed from the plant")]
     motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, "the plant's nominal value")]

@@ -7,10 +7,11 @@ a constant divided by T_d.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from controllers.blocks import Notch
 from controllers.hardware import bar_notch, hardware_of, total_delay
+from controllers.schedule import Schedule
 from steer_env.plants import Plant, Reference
 from steer_env.units import Quantity
 
@@ -29,7 +30,7 @@ INTEGRAL_SHARE = 0.1  # corner of the angle integral as a share of the natural f
 class PidParameters(NamedTuple):
     """Parameters of both laws; torques at the lower body unless said otherwise."""
 
-    schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
+    schedule: Schedule  # schedule_of(reference), float64 [n, 1 + fields of Felt]
     period: Annotated[float, Quantity("s", "control period", 1e-5, 0.05, "the loop's own")]
     delay: Annotated[float, Quantity("s", "T_d", 1e-5, 0.2, "computed from the plant")]
     motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, _N)]

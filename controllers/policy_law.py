@@ -28,7 +28,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from controllers.blocks import Notch, NotchState, assist_slope, notch_step
-from controllers.schedule import felt_at
+from controllers.schedule import Schedule, felt_at
 from steer_env.interface import Law, Observation
 from steer_env.physics._jit import compiled, named, scalar
 from steer_env.physics.rows import place
@@ -94,7 +94,7 @@ class PolicyParameters(NamedTuple):
     mean_speed: Annotated[float, Quantity("m/s", "taken from the speed", 0.0, 120.0, "training")]
     speed_scale: Annotated[float, Quantity("m/s", "and this divides the rest", 0.1, 120.0, "training")]
     shares: Any  # float64 [n, 2]: speed in m/s, share of the authority there
-    schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
+    schedule: Schedule  # schedule_of(reference), float64 [n, 1 + fields of Felt]
     slope_limit: Annotated[float, Quantity("-", "assist slope beyond which it yields", 0.1, 1e6, "training")]
     lag: Annotated[float, Quantity("-", "what the smoothing keeps over a period", 0.0, 1.0, "training")]
     notch: Notch = Notch()

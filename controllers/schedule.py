@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from steer_env.physics._jit import scalar
+from steer_env.physics._records import Path, is_record
 from steer_env.physics.reference import ReferenceParameters
 from steer_env.physics.rows import place
 from steer_env.plants import Reference
@@ -44,9 +47,52 @@ def schedule_of(reference: Reference) -> NDArray[np.float64]:
     return np.array(rows, dtype=np.float64)
 
 
-@scalar
+Schedule = NDArray[np.float64] | Felt
+"""The reference over speed in a law's parameters: ``schedule_of``, or the Felt of the present speed alone.
+
+A law hands a parameter of this type to ``felt_at`` and to nothing else. Episodes in lanes then look it up when their
+speed changes, apart from the law, which without look-ups compiles to vector code.
+"""
+
+
+def schedules_in(parameters: Any, path: Path = ()) -> dict[Path, NDArray[np.float64]]:
+    """The parameters of type Schedule, however deep, by the path of field numbers that leads to them."""
+    if not hasattr(parameters, "_fields"):
+        return {}
+    kind: Any = type(parameters)
+    hints = _hints(kind)
+    found: dict[Path, NDArray[np.float64]] = {}
+    for k, (name, value) in enumerate(zip(parameters._fields, parameters, strict=True)):
+        if hints.get(name) == Schedule:
+            found[(*path, k)] = value
+        else:
+            found |= schedules_in(value, (*path, k))
+    return found
+
+
+@cache
+def _hints(record: Any) -> dict[str, Any]:
+    try:
+        return get_type_hints(record)
+    except NameError:  # a law's own file may name types that only a type checker imports
+        return {}
+
+
 def felt_at(speed: float, schedule: Any) -> Felt:
     """The reference at a speed in m/s."""
+    return schedule if isinstance(schedule, Felt) else looked_up(speed, schedule)
+
+
+@overload(felt_at, strict=False, jit_options={"forceinline": True, "error_model": "numpy"})
+def _felt_at_compiled(speed: Any, schedule: Any) -> Any:
+    if is_record(schedule):
+        return lambda speed, schedule: schedule
+    return lambda speed, schedule: looked_up(speed, schedule)
+
+
+@scalar
+def looked_up(speed: float, schedule: Any) -> Felt:
+    """The reference at a speed in m/s between the rows of ``schedule_of``."""
     low, high, share = place(speed, schedule)
     return Felt(
         _between(schedule, 1, low, high, share),

@@ -25,13 +25,13 @@ mode's does. Both integrals wait while a limit of the motor cuts the command.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from controllers.blocks import Notch, NotchState, assist_slope, low_pass, notch_step
 from controllers.hardware import bar_notch, hardware_of, total_delay
 from controllers.law import Gain, LawController, with_gains
 from controllers.pid import steep_share
-from controllers.schedule import Felt, felt_at
+from controllers.schedule import Felt, Schedule, felt_at
 from controllers.tracking import MotionState, Target, gain_at, loop_gain, motion_step, pulled_target, torque_target
 from controllers.twisting import MARGIN, twist_step
 from steer_env.interface import Observation
@@ -63,7 +63,7 @@ TUNABLE: dict[str, tuple[float, float]] = {
 class TwistParameters(NamedTuple):
     """Parameters of both laws; torques at the lower body unless said otherwise."""
 
-    schedule: Any  # schedule_of(reference), float64 [n, 1 + fields of Felt]
+    schedule: Schedule  # schedule_of(reference), float64 [n, 1 + fields of Felt]
     period: Annotated[float, Quantity("s", "control period", 1e-5, 0.05, "the loop's own")]
     motor_ratio: Annotated[float, Quantity("-", "motor ratio", 0.1, 100.0, _N)]
     rack_share: Annotated[float, Quantity("-", "1 where the car loads the lower body, 0 for SbW", 0.0, 1.0, _N)]

@@ -16,8 +16,9 @@ from experiments.bench_plots import compact_plot, last_cycle
 from experiments.measures import Array
 from experiments.metrics import Trial, analytic_response, score
 from experiments.rollout import Episode, run
+from steer_env.envs.draws import random_car, random_driver
 from steer_env.envs.layout import CarSpread
-from steer_env.envs.task import Task, random_car, random_driver
+from steer_env.envs.task import Task
 from steer_env.interface import Controller
 from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
 

@@ -7,21 +7,18 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, cast
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.scored_lanes import LanesScorer, lanes_scorer
 from steer_env.envs import batch
-from steer_env.envs.blocks import Score, make_lanes_rollout, new_blocks, start_lane
-from steer_env.envs.lanes import Switches, switches_of
+from steer_env.envs.lanes_rollout import Score
 from steer_env.envs.layout import PARAMETERS, PERIOD, Truth
-from steer_env.envs.task import Setup, Task, prepare
+from steer_env.envs.task import Ready, Setup, Task, prepare
 from steer_env.interface import Controller, Law, Observation
-from steer_env.physics._jit import COMPILED
-from steer_env.physics.lanes import WIDTH, flat
+from steer_env.physics.lanes import WIDTH
 
 Array = NDArray[np.float64]
-NOISE_PERIODS = 256  # drawn at once for each episode of a block
 
 
 @dataclass(frozen=True)
@@ -50,9 +47,7 @@ def first_observation(setup: Setup) -> Observation:
     return Observation(**{**zeros, "speed": PARAMETERS.read(setup.row, "episode").speed})
 
 
-def run(
-    task: Task, controller: Controller, seed: int | Sequence[int] = 0, settle: float = 0.0
-) -> Episode:
+def run(task: Task, controller: Controller, seed: int | Sequence[int] = 0, settle: float = 0.0) -> Episode:
     """Run a task and ``settle`` seconds of rest after it; the same seed gives the same bits.
 
     A controller without a pure ``law`` is called once per period, which takes some fifty times as long.
@@ -82,39 +77,18 @@ def scored(task: Task, controller: Controller, seeds: Sequence[int]) -> Array:
     Full blocks of WIDTH episodes run side by side where lanes can run the task; others one after the other.
     """
     scores = np.zeros((len(seeds), len(Score._fields)))
-    setup = prepare(task, np.random.default_rng(0), PERIOD)
-    switches = switches_of(setup.row, setup.table, setup.car_table) if setup.effects is None else None
-    in_lanes = len(seeds) // WIDTH * WIDTH if switches is not None and COMPILED and hasattr(controller, "law") else 0
-    for first in range(0, in_lanes, WIDTH):
-        _score_block(task, controller, seeds[first : first + WIDTH], cast(Switches, switches), scores[first:])
+    scorer = lanes_scorer(Ready(task, PERIOD), controller)
+    in_lanes = 0 if scorer is None else len(seeds) // WIDTH * WIDTH
+    for k in range(0, in_lanes, WIDTH):
+        scores[k : k + WIDTH] = cast(LanesScorer, scorer).scores(seeds[k : k + WIDTH])
     for k in range(in_lanes, len(seeds)):
         episode = run(task, controller, seeds[k])
-        reward = np.sum([episode[name] for name in Truth._fields if name.startswith("reward")], axis=0)
+        reward = sum(episode[name] for name in Truth._fields if name.startswith("reward"))
         error = episode["error"]
-        scores[k] = len(error), reward.sum(), error @ error, not episode.stable
+        # Summed from the first period to the last, as lanes do: np.sum would round otherwise.
+        sums = np.cumsum([reward, error * error], axis=1)[:, -1]
+        scores[k] = len(error), *sums, not episode.stable
     return scores
-
-
-def _score_block(task: Task, controller: Any, seeds: Sequence[int], switches: Switches, scores: Array) -> None:
-    """Scores of WIDTH episodes, with noise drawn as it is needed."""
-    blocks, lines = new_blocks(1)
-    generators = [np.random.default_rng(seed) for seed in seeds]
-    for lane, rng in enumerate(generators):
-        setup = prepare(task, rng, PERIOD)
-        start_lane(blocks, lines, lane, setup.row, setup.table, setup.car_table)
-    controller.reset(PERIOD)
-    state = controller.state()
-    law_states = np.repeat(np.array(flat(state))[:, None], WIDTH, axis=1)
-    rollout = lanes_rollout_of(controller.law, Shape(state), switches)
-    sums, noise = np.zeros((len(Score._fields), WIDTH)), np.zeros((WIDTH, NOISE_PERIODS, 2))
-    for start in range(0, setup.periods, NOISE_PERIODS):
-        n = min(NOISE_PERIODS, setup.periods - start)
-        for lane, rng in enumerate(generators):
-            rng.standard_normal(out=noise[lane, :n])
-        rollout(
-            law_states, controller.parameters, noise, n, blocks[0], lines[0], setup.table, setup.car_table, sums
-        )
-    scores[:WIDTH] = sums.T
 
 
 def _step_by_step(
@@ -141,22 +115,3 @@ def _step_by_step(
 def rollout_of(law: Law) -> Callable[..., int]:
     """The compiled episode around a law; see ``batch.make_rollout``."""
     return batch.make_rollout(law)
-
-
-class Shape:
-    """A law's state that stands for all of its shape."""
-
-    def __init__(self, state: Any) -> None:
-        self.state = state
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Shape) and numba.typeof(self.state) == numba.typeof(other.state)
-
-    def __hash__(self) -> int:
-        return hash(numba.typeof(self.state))
-
-
-@cache
-def lanes_rollout_of(law: Law, shape: Shape, switches: Switches) -> Callable[..., None]:
-    """The compiled episodes of a block around a law; see ``blocks.make_lanes_rollout``."""
-    return make_lanes_rollout(law, shape.state, switches)

@@ -36,6 +36,7 @@ import controllers
 import steer_env  # noqa: F401  (registers the ids)
 from experiments import speed_limit
 from experiments.rollout import scored
+from experiments.speed_split import split_table
 from steer_env.envs.task import Task
 from steer_env.physics.lanes import WIDTH
 from steer_env.plants import PLANTS, Reference
@@ -46,6 +47,7 @@ SLICE = 1e-2  # s of the processor that one slice takes, where one call is not l
 SLICES = 10  # of each case in one repeat
 CONTROLLER = "pid"
 EPISODES = 2 * WIDTH
+WHOLE = Task(duration=1.5)
 MOTOR_ENV = "Cont-TC-PMSM-v0"
 
 Run = Callable[[int], int]
@@ -83,12 +85,11 @@ def vector(env: Any, action: Any) -> Run:
     return step
 
 
-def episodes(controller: Any, seconds: float = 1.5) -> Run:
+def episodes(controller: Any) -> Run:
     """Whole closed-loop episodes of EPISODES environments: setup, noise, all periods with a controller, scores."""
-    task = Task(duration=seconds)
 
     def step(n: int) -> int:
-        return sum(int(scored(task, controller, range(EPISODES))[:, 0].sum()) for _ in range(n))
+        return sum(int(scored(WHOLE, controller, range(EPISODES))[:, 0].sum()) for _ in range(n))
 
     return step
 
@@ -136,10 +137,12 @@ def cases() -> dict[str, Run]:
     if limit is not None:
         found["limit: C, periods in lanes"] = kernel(limit)
     found["ours, whole episodes"] = episodes(speed_limit.Proportional())
-    found[f"ours, whole episodes with {CONTROLLER}"] = episodes(
-        controllers.make(CONTROLLER, PLANTS["EPAS"], Reference(), "impedance")
-    )
+    found[f"ours, whole episodes with {CONTROLLER}"] = episodes(_controller())
     return found
+
+
+def _controller() -> Any:
+    return controllers.make(CONTROLLER, PLANTS["EPAS"], Reference(), "impedance")
 
 
 def measured(repeats: int, found: dict[str, Run]) -> dict[str, list[float]]:
@@ -238,11 +241,12 @@ def tables(rates: dict[str, list[float]]) -> tuple[Table, Table]:
 @click.option("--repeats", default=5, show_default=True, type=click.IntRange(1), help="How often each case runs.")
 @click.option("--start/--no-start", default=True, show_default=True, help="Time a fresh start in other processes.")
 def main(repeats: int, start: bool) -> None:
-    """Print steps per second, ratios, agreement with C, memory, and the times of a fresh start."""
+    """Print steps per second, ratios, where the time goes, agreement with C, memory, and times of a fresh start."""
     console = Console(width=120)
     found = cases()
     for table in tables(measured(repeats, found)):
         console.print(table)
+    console.print(split_table(WHOLE, _controller(), CONTROLLER, repeats))
     if "gym-electric-motor, make" not in found:
         console.print("gym-electric-motor: not installed")
     limit = speed_limit.compiled_c()

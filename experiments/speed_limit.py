@@ -17,9 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.rollout import Shape, lanes_rollout_of
-from steer_env.envs.blocks import Score, new_blocks, start_lane
-from steer_env.envs.lanes import BENCH, BENCH_ROWS, PARAMETER_ROWS, STATE_ROWS, Switches, switches_of
+from experiments.scored_lanes import Shape, lanes_rollout_of
+from steer_env.envs.blocks import new_blocks, start_lane
+from steer_env.envs.lanes import BENCH, BENCH_ROWS, BLOCK_SIZE, PARAMETER_ROWS, STATE_ROWS, Switches, switches_of
+from steer_env.envs.lanes_rollout import Score
 from steer_env.envs.layout import PARAMETERS, PERIOD, STATE, SUBSTEPS
 from steer_env.envs.task import Task, prepare
 from steer_env.physics._jit import scalar
@@ -74,7 +75,7 @@ class Block:
     """32 different environments at rest, and noise for them."""
 
     def __init__(self) -> None:
-        blocks, lines = new_blocks(1)
+        blocks, lines = new_blocks(1, BLOCK_SIZE + len(Nothing._fields))
         for lane in range(WIDTH):
             setup = prepare(TASK, np.random.default_rng(lane), PERIOD)
             start_lane(blocks, lines, lane, setup.row, setup.table, setup.car_table)
@@ -89,11 +90,10 @@ def compiled_python() -> Callable[[Block, int], None]:
     switches = switches_of(setup.row, setup.table, setup.car_table)
     assert isinstance(switches, Switches)
     rollout = lanes_rollout_of(proportional, Shape(Nothing()), switches)
-    states = np.zeros((1, WIDTH))
 
     def run(b: Block, periods: int) -> None:
         tables = b.setup.table, b.setup.car_table
-        rollout(states, Gain(GAIN), b.noise, periods, b.block, b.lines, *tables, b.scores)
+        rollout.run(Gain(GAIN), None, b.noise, periods, b.block, b.lines, *tables, b.scores)
 
     return run
 

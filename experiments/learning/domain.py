@@ -9,8 +9,9 @@ import numpy as np
 from experiments.bench_cases import SETTLE_S
 from experiments.bench_protocol import Protocol
 from experiments.learning.config import Domain
+from steer_env.envs.draws import random_car, random_driver
 from steer_env.envs.layout import LINE_LENGTH, PERIOD, CarSpread
-from steer_env.envs.task import Setup, Task, prepare, random_car, random_driver
+from steer_env.envs.task import Setup, Task, prepare
 from steer_env.errors import InputError
 from steer_env.manoeuvres import MANOEUVRES
 from steer_env.plants import DRIVERS, PLANTS, Reference

@@ -1,10 +1,9 @@
-"""Compiled entry points over blocks of lanes: one period of many environments, and whole episodes of many."""
+"""Compiled entry points over blocks of lanes: start and one period of many environments."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,59 +18,47 @@ from steer_env.envs.lanes import (
     NOISE_ANGLE,
     NOISE_TORQUE,
     PARAMETER_ROWS,
+    SPEED,
     STATE_ROWS,
     Switches,
-    load_observation,
     load_truth,
     make_lanes_period,
 )
-from steer_env.envs.layout import LINE_LENGTH, LINES, OBSERVATION_LIMIT, STATE, Truth
-from steer_env.physics._jit import compiled_with, named, scalar
+from steer_env.envs.layout import LINE_LENGTH, LINES, OBSERVATION_LIMIT, PARAMETERS, Truth
+from steer_env.envs.parts import set_speed
+from steer_env.physics._jit import compiled, compiled_with, named
 from steer_env.physics.control_unit import Observation
-from steer_env.physics.lanes import WIDTH, lane_loader, lane_records, lane_storer
+from steer_env.physics.lanes import WIDTH
 
-Law = Callable[[Observation, Any, Any], Any]
-
-
-class Score(NamedTuple):
-    """Sums over an episode: periods, reward, squared error ((N m)^2 or rad^2); 1 where the wheel was thrown."""
-
-    periods: float
-    reward: float
-    squared_error: float
-    thrown: float
-
-
-_load_score, _store_score = lane_loader(Score, 0), lane_storer(Score, 0)
 OBSERVED = BENCH_ROWS.start + BENCH["observation"].start
 TRUE = BENCH_ROWS.start + BENCH["truth"].start
 SPEED_OBSERVED = OBSERVED + Observation._fields.index("speed")
+SPEED_GIVEN = PARAMETERS.column("episode", "speed")
 CACHE_LINE = 8  # floats
 N_OBSERVED, N_TRUE = len(Observation._fields), len(Truth._fields)
 
 
-def new_blocks(n: int) -> tuple[Array, Array]:
-    """Empty blocks [n, BLOCK_SIZE, WIDTH] and their delay lines [n, 4, 16, WIDTH].
+def new_blocks(n: int, size: int = BLOCK_SIZE) -> tuple[Array, Array]:
+    """Empty blocks [n, size, WIDTH] and their delay lines [n, 4, 16, WIDTH].
 
     Blocks start at a cache line of the processor: a vector that straddles two costs two loads.
     """
-    room = np.zeros(n * BLOCK_SIZE * WIDTH + CACHE_LINE)
+    room = np.zeros(n * size * WIDTH + CACHE_LINE)
     start = -(room.ctypes.data // room.itemsize) % CACHE_LINE
-    blocks = room[start : start + n * BLOCK_SIZE * WIDTH].reshape(n, BLOCK_SIZE, WIDTH)
+    blocks = room[start : start + n * size * WIDTH].reshape(n, size, WIDTH)
     return blocks, np.zeros((n, len(LINES), LINE_LENGTH, WIDTH))
 
 
+@compiled
 def start_lane(blocks: Array, lines: Array, i: int, row: Array, table: Array, car_table: Array) -> None:
     """Bring environment ``i`` with a parameter row to rest at the start of an episode."""
-    parameters, states, line = batch.new_rows(1)
-    parameters[0] = row
-    batch.start_batch(parameters, states, line, table, car_table)
-    block, lane = divmod(i, WIDTH)
-    blocks[block, PARAMETER_ROWS, lane] = parameters[0]
-    blocks[block, STATE_ROWS, lane] = states[0]
-    lines[block, :, :, lane] = line[0]
-    blocks[block, BENCH_ROWS, lane] = 0.0
-    blocks[block, SPEED_OBSERVED, lane] = STATE.read(states[0], "clock").speed
+    block, lane = blocks[i // WIDTH], i % WIDTH
+    block[:, lane] = 0.0
+    lines[i // WIDTH, :, :, lane] = 0.0
+    block[PARAMETER_ROWS, lane] = row
+    speed = row[SPEED_GIVEN]
+    block[SPEED, lane] = block[SPEED_OBSERVED, lane] = speed
+    set_speed(speed, block[PARAMETER_ROWS, lane], block[STATE_ROWS, lane], table, car_table)
 
 
 @cache
@@ -129,50 +116,3 @@ def step_blocks(switches: Switches) -> Callable[..., tuple[int, int]]:
         return n_ended, n_lacking
 
     return compiled_with(named(step, *switches))
-
-
-def make_lanes_rollout(law: Law, state: Any, switches: Switches) -> Callable[..., None]:
-    """Compiled closed-loop periods of one block around a pure control law, whose state is shaped like ``state``.
-
-    Call it with (law states [n_floats, WIDTH], law parameters, noise [WIDTH, n or more, 2], n, block, lines, table,
-    car table, scores [len(Score), WIDTH]); it runs n periods from the block's present state and adds to the scores, in
-    each lane until its wheel is thrown.
-    """
-    period, (_, load_state, store_state) = make_lanes_period(switches), lane_records(state)
-
-    def rollout(
-        law_states: Array,
-        law_parameters: Any,
-        noise: Array,
-        periods: int,
-        block: Array,
-        lines: Array,
-        table: Array,
-        car_table: Array,
-        scores: Array,
-    ) -> None:
-        for k in range(periods):
-            for lane in range(WIDTH):
-                observation = load_observation(block, lane)
-                command, after = law(observation, load_state(law_states, lane), law_parameters)
-                store_state(law_states, lane, after)
-                block[COMMAND, lane] = command
-                block[NOISE_ANGLE, lane], block[NOISE_TORQUE, lane] = noise[lane, k, 0], noise[lane, k, 1]
-            period(block, lines, table, car_table)
-            for lane in range(WIDTH):
-                truth, so_far = load_truth(block, lane), _load_score(scores, lane)
-                _store_score(scores, lane, _scored(so_far, truth))
-
-    return compiled_with(named(rollout, law.__module__, law, *switches), law)
-
-
-@scalar
-def _scored(so_far: Score, truth: Truth) -> Score:
-    if so_far.thrown > 0.5:
-        return so_far
-    return Score(
-        so_far.periods + 1.0,
-        so_far.reward + batch.reward_of(truth),
-        so_far.squared_error + truth.error * truth.error,
-        truth.unstable,
-    )

@@ -6,30 +6,24 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.envs import draws
 from steer_env.envs.layout import LINE_LENGTH, PARAMETERS, CarSpread, Episode, Reward
 from steer_env.errors import InputError
-from steer_env.manoeuvres import MANOEUVRES, kind_of
+from steer_env.manoeuvres import MANOEUVRES, ManoeuvreParameters, kind_of
 from steer_env.physics.driver import Driver
 from steer_env.physics.effects.vehicle_ports import MECHANICAL, effect_row
+from steer_env.physics.reference import ReferenceParameters
 from steer_env.physics.sensors import Sensors
 from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
 from steer_env.plants.amplitude import hand_amplitude, paper_acceleration, steering_amplitude
 from steer_env.plants.model_file import ExtendedModel
 from steer_env.plants.reference import steady_stiffness
-from steer_env.units import check_ranges, from_kmh
-
-RANDOMISABLE = ("plant", "driver", "car", "speed", "manoeuvre")
-CAR_FACTORS = {
-    "mass": (0.9, 1.2),
-    "grip": (0.8, 1.15),
-    "trail": (0.85, 1.15),
-}  # assumption: load, tyres, pressure
-RANDOM_ARMS = ("one_hand_light", "relaxed", "tense")
+from steer_env.units import check_ranges, from_kmh, quantities
 
 
 @dataclass(frozen=True)
@@ -91,61 +85,94 @@ class Setup:
     effects: NDArray[np.float64] | None = None
 
 
+_RANGES = [q for record in PARAMETERS.records.values() for q in quantities(record).values()]
+_LOW, _HIGH = np.array([(q.low, q.high) for q in _RANGES]).T
+
+
+class _Aim(NamedTuple):
+    """Pinion angle in rad that a manoeuvre is to reach, against the reference at that speed and its stiffness."""
+
+    angle: float
+    reference: ReferenceParameters
+    stiffness: float
+
+
+class Ready:
+    """A checked task, its files read: an episode of it costs what is drawn for that episode alone.
+
+    InputError names the option that is wrong.
+    """
+
+    def __init__(self, task: Task, period: float) -> None:
+        self.task, self.period = task, period
+        self.chosen = draws.randomised_names(task.randomise)
+        plant = _from_table(task.plant, PLANTS, Plant, "plant")
+        self.driver = _from_table(task.driver, DRIVERS, Driver, "driver")
+        if task.causality not in ("impedance", "admittance"):
+            raise InputError("causality", f"{task.causality!r} is not known", "use 'impedance' or 'admittance'")
+        if task.manoeuvre not in MANOEUVRES:
+            raise InputError(
+                "manoeuvre",
+                f"{task.manoeuvre!r} is not known",
+                f"use {_suggest(task.manoeuvre, MANOEUVRES)}",
+            )
+        model = None if task.model is None else ExtendedModel.load(task.model)
+        if model is not None and task.reference != "published":
+            what = "a model brings its own reference"
+            raise InputError("reference", what, "leave 'reference' away, or write another reference into the model")
+        self.reference = Reference.load(task.reference if model is None else model.feel, task.linear)
+        car = self.reference if task.car is None else Reference.load(task.car)
+        self.tables = self.reference.table, car.table
+        self.speeds = (0.0, 0.0) if "speed" in self.chosen else _speeds(task.speed_kmh)
+        if task.sensors is not None:
+            plant = replace(plant, sensors=task.sensors)
+        if model is not None:
+            plant = with_sensor_errors(plant, model.effects, period)
+        self.plant = plant
+        felt = model is not None and MECHANICAL.keys() & model.effects.keys()
+        self.effects = effect_row(model.effects) if model is not None and felt else None
+        self._aim = None if "speed" in self.chosen else _aim(task, self.speeds[0], self.reference)
+
+    def drawn(self, rng: np.random.Generator) -> Setup:
+        """One episode."""
+        task, chosen, plant, (speed, speed_end) = self.task, self.chosen, self.plant, self.speeds
+        if "speed" in chosen:
+            speed = speed_end = draws.random_speed(self.reference, rng)
+        driver = draws.random_driver(rng) if "driver" in chosen else self.driver
+        if "plant" in chosen:
+            plant = plant.drawn(rng)
+        car_spread = draws.random_car(rng) if "car" in chosen else task.car_spread
+        aim = self._aim or _aim(task, speed, self.reference)
+        manoeuvre = _manoeuvre(task, driver, aim, rng if "manoeuvre" in chosen else None)
+        length = manoeuvre.lead_in + manoeuvre.duration
+        row = PARAMETERS.row(
+            steering=plant.steering,
+            motor=plant.motor,
+            driver=driver,
+            sensors=plant.sensors,
+            observer=plant.observer(),
+            manoeuvre=manoeuvre,
+            episode=Episode(
+                kind=float(kind_of(task.manoeuvre)),
+                speed=speed,
+                speed_rate=(speed_end - speed) / length,
+                speed_end=speed_end,
+                admittance=1.0 if task.causality == "admittance" else 0.0,
+                rack_share=plant.rack_share,
+            ),
+            car_spread=car_spread,
+            reward=task.reward,
+        )
+        if not ((row >= _LOW) & (row <= _HIGH)).all():
+            for name in PARAMETERS.records:
+                check_ranges(PARAMETERS.read(row, name), name)
+        believed = self.plant.believed()
+        return Setup(row, round(length / self.period), *self.tables, self.reference, believed, self.effects)
+
+
 def prepare(task: Task, rng: np.random.Generator, period: float) -> Setup:
     """Check a task and draw what is random in it; InputError names the option that is wrong."""
-    chosen = _randomised_names(task.randomise)
-    plant = _from_table(task.plant, PLANTS, Plant, "plant")
-    driver = _from_table(task.driver, DRIVERS, Driver, "driver")
-    if task.causality not in ("impedance", "admittance"):
-        raise InputError("causality", f"{task.causality!r} is not known", "use 'impedance' or 'admittance'")
-    if task.manoeuvre not in MANOEUVRES:
-        raise InputError(
-            "manoeuvre",
-            f"{task.manoeuvre!r} is not known",
-            f"use {_suggest(task.manoeuvre, MANOEUVRES)}",
-        )
-    model = None if task.model is None else ExtendedModel.load(task.model)
-    if model is not None and task.reference != "published":
-        what = "a model brings its own reference"
-        raise InputError("reference", what, "leave 'reference' away, or write another reference into the model")
-    named = task.reference if model is None else model.feel
-    reference = Reference.load(named, task.linear)
-    speeds = _speeds(task.speed_kmh, reference, rng if "speed" in chosen else None)
-    if "driver" in chosen:
-        driver = random_driver(rng)
-    if task.sensors is not None:
-        plant = replace(plant, sensors=task.sensors)
-    if model is not None:
-        plant = with_sensor_errors(plant, model.effects, period)
-    believed = plant.believed()
-    if "plant" in chosen:
-        plant = plant.drawn(rng)
-    parts = {
-        "steering": plant.steering,
-        "motor": plant.motor,
-        "sensors": plant.sensors,
-        "observer": plant.observer(),
-        "driver": driver,
-        "reward": task.reward,
-        "car_spread": random_car(rng) if "car" in chosen else task.car_spread,
-    }
-    parts["manoeuvre"] = _manoeuvre(task, driver, speeds[0], reference, rng if "manoeuvre" in chosen else None)
-    length = parts["manoeuvre"].lead_in + parts["manoeuvre"].duration
-    parts["episode"] = Episode(
-        kind=float(kind_of(task.manoeuvre)),
-        speed=speeds[0],
-        speed_rate=(speeds[1] - speeds[0]) / length,
-        speed_end=speeds[1],
-        admittance=1.0 if task.causality == "admittance" else 0.0,
-        rack_share=plant.rack_share,
-    )
-    row = np.zeros(PARAMETERS.size)
-    for name, part in parts.items():
-        check_ranges(part, name)
-        row[PARAMETERS[name]] = part
-    car = reference if task.car is None else Reference.load(task.car)
-    effects = None if model is None or not MECHANICAL.keys() & model.effects.keys() else effect_row(model.effects)
-    return Setup(row, round(length / period), reference.table, car.table, reference, believed, effects)
+    return Ready(task, period).drawn(rng)
 
 
 def with_sensor_errors(plant: Plant, effects: Mapping[str, Mapping[str, float]], period: float) -> Plant:
@@ -169,23 +196,30 @@ def with_sensor_errors(plant: Plant, effects: Mapping[str, Mapping[str, float]],
     return replace(plant, sensors=s._replace(torque_gain=gain, torque_offset=offset, **delays))
 
 
-def _manoeuvre(task: Task, driver: Driver, speed: float, reference: Reference, rng: np.random.Generator | None) -> Any:
+def _aim(task: Task, speed: float, reference: Reference) -> _Aim | None:
+    """What the hand must do at a speed in m/s; None where the amplitude is given."""
     row = MANOEUVRES[task.manoeuvre]
+    if task.amplitude is not None or row.lateral_acceleration == 0.0:
+        return None
+    wanted = paper_acceleration(speed) if row.lateral_acceleration is None else row.lateral_acceleration
     p = row.parameters
-    amplitude = task.amplitude
-    if amplitude is None and row.lateral_acceleration != 0.0:
+    peak = p.frequency_end if task.manoeuvre == "frequency_response" else p.frequency
+    at_speed = reference.at(speed)
+    return _Aim(steering_amplitude(wanted, speed, at_speed, peak), at_speed, steady_stiffness(speed, at_speed))
+
+
+def _manoeuvre(task: Task, driver: Driver, aim: _Aim | None, rng: np.random.Generator | None) -> ManoeuvreParameters:
+    p = MANOEUVRES[task.manoeuvre].parameters
+    if aim is not None:
         if driver.k <= 0.0 and driver.torque_limit > 0.0:
             raise InputError(
                 "driver",
                 f"a driver without stiffness cannot follow {task.manoeuvre}",
                 "use manoeuvre='random_torque'",
             )
-        wanted = paper_acceleration(speed) if row.lateral_acceleration is None else row.lateral_acceleration
-        peak = p.frequency_end if task.manoeuvre == "frequency_response" else p.frequency
-        at_speed = reference.at(speed)
-        angle = steering_amplitude(wanted, speed, at_speed, peak)
-        amplitude = hand_amplitude(angle, driver, at_speed, steady_stiffness(speed, at_speed))
-    p = p._replace(amplitude=p.amplitude if amplitude is None else float(amplitude))
+        p = p._replace(amplitude=hand_amplitude(aim.angle, driver, aim.reference, aim.stiffness))
+    elif task.amplitude is not None:
+        p = p._replace(amplitude=float(task.amplitude))
     if task.duration is not None:
         p = p._replace(duration=float(task.duration))
     if rng is not None:
@@ -193,13 +227,7 @@ def _manoeuvre(task: Task, driver: Driver, speed: float, reference: Reference, r
     return p
 
 
-def _speeds(
-    speed_kmh: float | tuple[float, float], reference: Reference, rng: np.random.Generator | None
-) -> tuple[float, float]:
-    known = [row.speed_kmh for row in reference.file.rows]
-    if rng is not None:
-        drawn = from_kmh(rng.uniform(min(known), max(known)))
-        return drawn, drawn
+def _speeds(speed_kmh: float | tuple[float, float]) -> tuple[float, float]:
     try:
         start, end = (speed_kmh, speed_kmh) if isinstance(speed_kmh, (int, float)) else speed_kmh
         start, end = float(start), float(end)
@@ -209,29 +237,6 @@ def _speeds(
         if not 2.0 <= value <= 400.0:
             raise InputError("speed_kmh", f"{value:g} km/h is out of range", "give 2 to 400 km/h")
     return from_kmh(start), from_kmh(end)
-
-
-def _randomised_names(randomise: str | Iterable[str]) -> tuple[str, ...]:
-    names = (randomise,) if isinstance(randomise, str) else tuple(randomise)
-    if names == ("all",):
-        return RANDOMISABLE
-    for name in names:
-        if name not in RANDOMISABLE:
-            raise InputError("randomise", f"{name!r} is not known", f"use 'all' or names out of {RANDOMISABLE}")
-    return names
-
-
-def random_car(rng: np.random.Generator) -> CarSpread:
-    """A car that is not quite the one that the reference was identified on."""
-    return CarSpread(**{name: rng.uniform(*span) for name, span in CAR_FACTORS.items()})
-
-
-def random_driver(rng: np.random.Generator) -> Driver:
-    """A blend of two arms of the grid."""
-    first, second = rng.choice(len(RANDOM_ARMS), 2, replace=True)
-    share = rng.uniform()
-    a, b = DRIVERS[RANDOM_ARMS[first]], DRIVERS[RANDOM_ARMS[second]]
-    return Driver(*(x + share * (y - x) for x, y in zip(a, b, strict=True)))
 
 
 def _from_table(value: Any, table: dict[str, Any], kind: type, option: str) -> Any:

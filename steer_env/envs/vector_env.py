@@ -17,7 +17,7 @@ from steer_env.envs.blocks import new_blocks, start_lane, step_blocks
 from steer_env.envs.lanes import switches_of
 from steer_env.envs.layout import OBSERVATION_LIMIT, PARAMETERS, PERIOD, Truth
 from steer_env.envs.steer_env import COMPLETE, NOISE_BLOCK, UNSTABLE, scales_of
-from steer_env.envs.task import Task, prepare
+from steer_env.envs.task import Ready, Task
 from steer_env.physics._jit import COMPILED
 from steer_env.physics.control_unit import Observation
 from steer_env.physics.lanes import WIDTH
@@ -182,7 +182,7 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
 
     def _start(self, i: int) -> None:
         """A new episode of one environment: its draws, rows at rest, first observation."""
-        setup = prepare(self.task, self._generators[i], PERIOD)
+        setup = self._ready.drawn(self._generators[i])
         rated_torque = self._rated_torque[i] = PARAMETERS.read(setup.row, "motor").rated_torque
         self._per_rated[i] = 1.0 / rated_torque
         if i < self._n_lanes:
@@ -214,7 +214,9 @@ class SteerVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray
         ]
 
     def _keep(self, task: Task) -> None:
-        setup = prepare(task, np.random.default_rng(0), PERIOD)
+        ready = Ready(task, PERIOD)
+        setup = ready.drawn(np.random.default_rng(0))
+        self._ready = ready
         self.task, self._table, self._car_table, self._effects = task, setup.table, setup.car_table, setup.effects
         self._switches = switches_of(setup.row, setup.table, setup.car_table) if setup.effects is None else None
         # Full blocks of lanes, and rows for what is left over or cannot be run in lanes.

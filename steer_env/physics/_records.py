@@ -16,6 +16,8 @@ from numba.extending import lower_builtin, type_callable
 Address = Callable[[Any, Any, Any, Sequence[Any], int], Any]
 """(context, builder, type of the array, arguments, field) -> where the field lies."""
 Fixed = Sequence[float | None]
+Path = tuple[int, ...]
+"""Field of a record, field of the record in that field, and so on."""
 
 
 def type_of(record: Any) -> Any:
@@ -85,6 +87,41 @@ def writes(function: Callable[..., None], start: int, address: Address) -> None:
         for k, value in enumerate(_flat(context, builder, signature.args[-1], arguments[-1])):
             builder.store(value, address(context, builder, signature.args[0], given, start + k))
         return context.get_dummy_value()
+
+
+def replaces(function: Callable[..., Any], paths: Sequence[Path]) -> None:
+    """Compile ``function(record, part)`` to the record with the part in all the places that ``paths`` lead to."""
+
+    @type_callable(function)
+    def _type(context: Any) -> Any:
+        return lambda record, part: _kind_with(record, paths, part)
+
+    @lower_builtin(function, types.BaseTuple, types.BaseTuple)
+    def _lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        def replaced(kind: Any, value: Any, paths: Sequence[Path]) -> Any:
+            if () in paths:
+                return arguments[1]
+            values = cgutils.unpack_tuple(builder, value)
+            inner = [
+                replaced(part, values[k], _below(paths, k)) if _below(paths, k) else values[k]
+                for k, part in enumerate(kind)
+            ]
+            return context.make_tuple(builder, _kind_with(kind, paths, signature.args[1]), inner)
+
+        return replaced(signature.args[0], arguments[0], paths)
+
+
+def _kind_with(kind: Any, paths: Sequence[Path], part: Any) -> Any:
+    """The numba type of a record of type ``kind`` with a ``part`` at the ends of the paths."""
+    if () in paths:
+        return part
+    inner = [_kind_with(own, _below(paths, k), part) if _below(paths, k) else own for k, own in enumerate(kind)]
+    return types.NamedTuple(inner, kind.instance_class)
+
+
+def _below(paths: Sequence[Path], k: int) -> list[Path]:
+    """Where the paths through field ``k`` go on."""
+    return [path[1:] for path in paths if path and path[0] == k]
 
 
 def _with_index(context: Any, builder: Any, signature: Any, arguments: Sequence[Any]) -> Sequence[Any]:

@@ -8,14 +8,14 @@ ordinary array indexing it cannot, and keeps loops scalar.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numba
 from numba.core import types
 
 from steer_env.physics._jit import named
-from steer_env.physics._records import is_record, lane_address, reads, type_of, writes
+from steer_env.physics._records import Path, is_record, lane_address, reads, replaces, type_of, writes
 
 WIDTH = 32  # environments side by side: a few vectors of a processor, and a block that stays in its nearest caches
 _ADDRESS = lane_address(WIDTH)
@@ -47,23 +47,48 @@ def lane_storer(record: Any, start: int) -> Callable[[Any, int, Any], None]:
     return store
 
 
-def lane_records(example: Any) -> tuple[int, Callable[[Any, int], Any], Callable[[Any, int, Any], None]]:
-    """(Floats, loader, storer) of records shaped like ``example``, a NamedTuple of floats and of others like it."""
+def lane_records(
+    example: Any, start: int = 0
+) -> tuple[int, Callable[[Any, int], Any], Callable[[Any, int, Any], None]]:
+    """(Floats, loader, storer) of records shaped like ``example``, a NamedTuple of floats and of others like it.
+
+    They lie in rows ``start`` and up.
+    """
     shape = numba.typeof(example)
 
     def load(block: Any, lane: int) -> Any:
-        values = iter(block[:, lane].tolist())
+        values = iter(block[start:, lane].tolist())
         return _filled(example, values)
 
     def store(block: Any, lane: int, record: Any) -> None:
         for k, value in enumerate(flat(record)):
-            block[k, lane] = value
+            block[start + k, lane] = value
 
     if any(kind != types.float64 for kind in _kinds(shape)):
         raise TypeError(f"{type(example).__name__} holds something else than floats")
-    reads(load, shape, 0, _ADDRESS)
-    writes(store, 0, _ADDRESS)
+    reads(load, shape, start, _ADDRESS)
+    writes(store, start, _ADDRESS)
     return len(flat(example)), load, store
+
+
+def part_replacer(paths: Sequence[Path]) -> Callable[[Any, Any], Any]:
+    """A function (record, part) -> the record with the part in all the places that ``paths`` lead to."""
+
+    def replaced(record: Any, part: Any) -> Any:
+        for path in paths:
+            record = _with_part(record, path, part)
+        return record
+
+    replaces(named(replaced, *paths), paths)
+    return replaced
+
+
+def _with_part(record: Any, path: Path, part: Any) -> Any:
+    if not path:
+        return part
+    values = list(record)
+    values[path[0]] = _with_part(values[path[0]], path[1:], part)
+    return type(record)._make(values)
 
 
 def flat(record: Any) -> list[float]:

@@ -8,6 +8,7 @@ the matrix, exact to rounding. Matrices come as numpy arrays (A [n, n], B [n, n_
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,13 +50,19 @@ def jacobian(function: Callable[[NDArray[np.float64]], Sequence[float]], n: int,
     return np.column_stack(columns)
 
 
+def jacobian_at_once(function: Callable[[Matrix], Sequence[Any]], n: int) -> Matrix:
+    """As ``jacobian`` of a function without choices: it takes a column of arrays, and all differences in one call."""
+    unit = np.eye(n)
+    return (np.array(function(unit)) - np.array(function(-unit))) / 2.0
+
+
 def single_track_matrices(speed: float, p: SingleTrack) -> Matrices:
     """Eq. 6 from road-wheel angle in rad to VEHICLE_OUTPUTS at a speed > 0 in m/s."""
 
-    def rates(z: NDArray[np.float64]) -> Sequence[float]:
+    def rates(z: Matrix) -> Sequence[Any]:
         return vehicle.single_track_rates(SingleTrackState(*z[:4]), z[4], speed, p)
 
-    def outputs(z: NDArray[np.float64]) -> Sequence[float]:
+    def outputs(z: Matrix) -> Sequence[Any]:
         x = SingleTrackState(*z[:4])
         return (
             x.yaw_rate,
@@ -64,33 +71,33 @@ def single_track_matrices(speed: float, p: SingleTrack) -> Matrices:
             x.slip_front,
         )
 
-    return _split(jacobian(rates, 5), jacobian(outputs, 5), 4)
+    return _split(jacobian_at_once(rates, 5), jacobian_at_once(outputs, 5), 4)
 
 
 def load_matrices(speed: float, p: ReferenceParameters) -> Matrices:
     """Eqs. 6 and 9: pinion angle in rad to load at the pinion, M_rack + c_extra d, in N m."""
 
-    def rates(z: NDArray[np.float64]) -> Sequence[float]:
+    def rates(z: Matrix) -> Sequence[Any]:
         return vehicle.single_track_rates(SingleTrackState(*z[:4]), z[4] / p.i_s, speed, single_track_of(p))
 
-    def outputs(z: NDArray[np.float64]) -> Sequence[float]:
+    def outputs(z: Matrix) -> Sequence[Any]:
         return (reference_load(z[4], SingleTrackState(*z[:4]), speed, p),)
 
-    return _split(jacobian(rates, 5), jacobian(outputs, 5), 4)
+    return _split(jacobian_at_once(rates, 5), jacobian_at_once(outputs, 5), 4)
 
 
 def reference_matrices(speed: float, p: ReferenceParameters, K: float) -> Matrices:
     """Eq. 10: torsion-bar torque in N m to pinion angle and rate, no friction; K = 1 + k_gain."""
 
-    def rates(z: NDArray[np.float64]) -> Sequence[float]:
+    def rates(z: Matrix) -> Sequence[Any]:
         x = SingleTrackState(*z[2:6])
         acceleration, slip_rates = reference_rates(z[0], z[1], x, K * z[6], 0.0, speed, p)
         return (z[1], acceleration, *slip_rates)
 
-    def outputs(z: NDArray[np.float64]) -> Sequence[float]:
+    def outputs(z: Matrix) -> Sequence[Any]:
         return (z[0], z[1])
 
-    return _split(jacobian(rates, 7), jacobian(outputs, 7), 6)
+    return _split(jacobian_at_once(rates, 7), jacobian_at_once(outputs, 7), 6)
 
 
 def plant_matrices(steering: Steering, motor: Motor, J_driver: float = 0.0, stuck: bool = False) -> Matrices:

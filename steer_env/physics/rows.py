@@ -81,6 +81,10 @@ class Layout:
         """Index in the row of one field of one record."""
         return self._start[name] + int(self.records[name]._fields.index(field))
 
+    def row(self, **records: Any) -> Row:
+        """A row of all records."""
+        return np.array([value for name in self.records for value in records[name]], dtype=np.float64)
+
     def read(self, row: Row, name: str) -> Any:
         """One record of a row, from Python."""
         return self.records[name](*row[self[name]].tolist())

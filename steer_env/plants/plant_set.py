@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -46,11 +45,12 @@ class Plant:
 
     def drawn(self, rng: np.random.Generator) -> Plant:
         """One plant out of the spread, with a dead time out of DEAD_TIMES; it believes to be this one."""
-        parts: dict[str, Any] = {"steering": self.steering, "motor": self.motor, "sensors": self.sensors}
-        for name, (low, high) in self.spread.items():
+        lows, highs = zip(*self.spread.values(), strict=True) if self.spread else ((), ())
+        factors = rng.uniform(lows, highs).tolist()
+        changed: dict[str, dict[str, float]] = {"steering": {}, "motor": {}, "sensors": {}}
+        for name, factor in zip(self.spread, factors, strict=True):
             part, item = name.split(".")
-            factor = rng.uniform(low, high)
-            parts[part] = parts[part]._replace(**{item: getattr(parts[part], item) * factor})
-        late = float(DEAD_TIMES[rng.integers(0, len(DEAD_TIMES))])
-        parts["motor"] = parts["motor"]._replace(dead_time=late)
+            changed[part][item] = getattr(getattr(self, part), item) * factor
+        changed["motor"]["dead_time"] = float(DEAD_TIMES[rng.integers(0, len(DEAD_TIMES))])
+        parts = {part: getattr(self, part)._replace(**items) for part, items in changed.items()}
         return replace(self, **parts, nominal=self.believed())

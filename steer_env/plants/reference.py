@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from steer_env.physics import linear
 from steer_env.physics.reference import ReferenceParameters
+from steer_env.physics.rows import place
 from steer_env.plants.reference_file import ReferenceFile, published, read_reference
 from steer_env.plants.reference_row import ReferenceRow
 from steer_env.units import check_ranges, from_kmh, to_kmh
@@ -63,8 +64,9 @@ class Reference:
 
     def at(self, speed: float) -> ReferenceParameters:
         """Parameters at a speed in m/s: straight between rows, held beyond the ends."""
-        table = self.table
-        return ReferenceParameters(*(float(np.interp(speed, table[:, 0], column)) for column in table[:, 1:].T))
+        low, high, share = place(speed, self.table)
+        below = self.table[low, 1:]
+        return ReferenceParameters(*(below + share * (self.table[high, 1:] - below)).tolist())
 
     def to_statespace(self, speed: float | None = None) -> control.StateSpace:
         """Eq. 10 at a speed in m/s: torsion_bar_torque to pinion_angle and pinion_rate, named."""

@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from steer_env.envs import batch
 from steer_env.envs.blocks import new_blocks, start_lane
 from steer_env.envs.lanes import PARAMETER_ROWS, STATE_ROWS, switches_of
 from steer_env.envs.layout import PERIOD, STATE
@@ -119,9 +120,15 @@ def test_records_in_lanes_and_rows_are_read_and_written_alike():
 def test_a_lane_starts_as_a_row_does():
     """Catches parameters or states in the wrong rows of a block, and blocks that straddle cache lines."""
     blocks, lines = new_blocks(2)
-    setup = prepare(Task(), np.random.default_rng(0), PERIOD)
+    blocks[1, :, 5], lines[1, :, :, 5] = 3.0, 4.0  # of the episode before
+    setup = prepare(Task(randomise=("car",)), np.random.default_rng(0), PERIOD)
     start_lane(blocks, lines, WIDTH + 5, setup.row, setup.table, setup.car_table)
+    parameters, states, no_lines = batch.new_rows(1)
+    parameters[0] = setup.row
+    batch.start_batch(parameters, states, no_lines, setup.table, setup.car_table)
     assert (blocks[1, PARAMETER_ROWS, 5] == setup.row).all()
+    assert (blocks[1, STATE_ROWS, 5] == states[0]).all()
+    assert not lines.any()
     assert STATE.read(blocks[1, STATE_ROWS, 5], "clock").speed == pytest.approx(75.0 / 3.6)
     assert np.count_nonzero(np.delete(blocks.reshape(-1, WIDTH), 5, axis=1)) == 0
     assert blocks.ctypes.data % 64 == 0

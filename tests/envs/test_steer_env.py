@@ -1,6 +1,7 @@
 """The environments as users meet them: ids, seeds, bad actions, options, rewards, ends."""
 
 import math
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import steer_env
-from steer_env.envs.layout import OBSERVATION_SCALES, Truth
+from steer_env.envs.layout import OBSERVATION_SCALES, PERIOD, Truth
+from steer_env.envs.task import Ready, Task, prepare
 from steer_env.errors import InputError
 from steer_env.manoeuvres import MANOEUVRES
 from steer_env.physics.control_unit import Observation
@@ -237,3 +239,20 @@ def test_drivers_and_plants_are_all_usable():
             manoeuvre = "random_torque" if driver == "torque_source" else "steady_state"
             env = steer_env.envs.SteerEnv(plant=plant, driver=driver, manoeuvre=manoeuvre)
             assert np.isfinite(drive(env, 200)).all()
+
+
+def test_a_ready_task_draws_what_a_task_prepared_anew_draws():
+    """Catches an episode that keeps something of the one before it, or a draw in another order."""
+    ready, rng = Ready(Task(randomise="all"), PERIOD), np.random.default_rng(4)
+    first, second = ready.drawn(rng), ready.drawn(np.random.default_rng(5))
+    assert (first.row == prepare(Task(randomise="all"), np.random.default_rng(4), PERIOD).row).all()
+    assert (second.row == prepare(Task(randomise="all"), np.random.default_rng(5), PERIOD).row).all()
+    assert (ready.drawn(rng).row != first.row).any()
+
+
+def test_a_drawn_value_out_of_range_is_named():
+    """Catches a spread that leaves the range of its parameter, which only some draws show."""
+    wide = replace(PLANTS["EPAS"], spread={"steering.J_s": (50.0, 60.0)})
+    ready = Ready(Task(plant=wide, randomise="plant"), PERIOD)
+    with pytest.raises(InputError, match="steering: J_s"):
+        ready.drawn(np.random.default_rng(0))

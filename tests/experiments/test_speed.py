@@ -1,18 +1,23 @@
 """The table of speeds: what is counted and what is divided by what, without timing anything."""
 
 import shutil
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 import controllers
+from controllers.schedule import Schedule, felt_at, schedule_of, schedules_in
 from experiments import speed, speed_limit
 from experiments.rollout import run, scored
-from steer_env.envs.blocks import Score
+from experiments.scored_lanes import look_up_of
+from steer_env.envs.lanes_rollout import Score
 from steer_env.envs.layout import Truth
 from steer_env.envs.task import Task
-from steer_env.physics.lanes import WIDTH
+from steer_env.physics.lanes import WIDTH, part_replacer
 from steer_env.plants import PLANTS, Reference
+
+REWARDS = [name for name in Truth._fields if name.startswith("reward")]
 
 
 def test_a_run_counts_environment_steps():
@@ -47,19 +52,55 @@ def test_the_limit_in_c_is_the_same_plant():
     assert speed_limit.check(speed_limit.compiled_python(), run) < 1e-8
 
 
-def test_scores_of_many_episodes_are_those_of_single_ones():
-    """Catches lanes that score another episode, lose noise at the border of two draws or go on after the end."""
-    task, law = Task(randomise="all", duration=0.7), controllers.make("pid", PLANTS["EPAS"], Reference(), "impedance")
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("pid", {"randomise": "all"}),
+        ("passivity:lead", {"randomise": "plant", "speed_kmh": (27.0, 33.0), "causality": "admittance"}),
+        ("h_infinity", {"randomise": ("plant", "car")}),
+    ],
+)
+def test_scores_of_many_episodes_are_those_of_single_ones(name, options):
+    """Catches lanes that score another episode, lose noise at the border of two draws or go on after the end, laws that
+    round otherwise as vector code, and a reference that stays at the speed where it was looked up."""
+    task = Task(duration=0.7, **options)
+    law = controllers.make(name, PLANTS["EPAS"], Reference(), task.causality)
     seeds = range(3, 3 + WIDTH + 1)
     scores = scored(task, law, seeds)
     for k in (0, 13, WIDTH - 1, WIDTH):
         episode = run(task, law, seeds[k])
         score = Score(*scores[k])
         assert score.periods == len(episode.signals) > 1000
-        reward = sum(episode[name].sum() for name in Truth._fields if name.startswith("reward"))
-        assert score.reward == pytest.approx(reward, rel=1e-12)
-        assert score.squared_error == pytest.approx(episode["error"] @ episode["error"], rel=1e-12)
+        rewards = [sum(row) for row in zip(*(episode[name] for name in REWARDS), strict=True)]
+        assert score.reward == sequential_sum(rewards)
+        assert score.squared_error == sequential_sum(episode["error"] * episode["error"])
         assert score.thrown == 0.0
+
+
+def sequential_sum(values):
+    total = 0.0
+    for value in values:
+        total += value
+    return total
+
+
+def test_a_law_of_its_own_kind_is_left_alone():
+    """Catches a parameter that only looks like the reference over speed and is taken from its law."""
+
+    class Own(NamedTuple):
+        schedule: Any
+        felt: Schedule
+
+    table = schedule_of(Reference())
+    assert set(schedules_in(Own(np.zeros((3, 10)), table))) == {(1,)}
+    found, speed_table = look_up_of((1.0, Own(table, table)))
+    assert (found, speed_table) == (None, None)
+    found, speed_table = look_up_of(Own(table, table))
+    assert found.paths == ((1,),)
+    assert speed_table is table
+    replaced = part_replacer(found.paths)(Own(table, table), found.at(20.0, table))
+    assert replaced.schedule is table
+    assert replaced.felt == felt_at(20.0, table) == felt_at(5.0, replaced.felt)
 
 
 def test_memory_of_one_environment_is_a_few_kibibytes():

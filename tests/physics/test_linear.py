@@ -103,3 +103,15 @@ def test_frequency_response_is_that_of_python_control():
     assert system.input_labels == ["torsion_bar_torque"]
     assert system.output_labels == ["pinion_angle", "pinion_rate"]
     assert system.state_labels == list(linear.REFERENCE_STATES)
+
+
+def test_differences_all_at_once_are_those_one_by_one():
+    """Catches a transposed matrix, and a sum in another order."""
+    A = np.random.default_rng(2).normal(size=(3, 4))
+
+    def rows(z):
+        return [a[0] * z[0] + a[1] * z[1] + a[2] * z[2] + a[3] * z[3] for a in A]
+
+    at_once = linear.jacobian_at_once(rows, 4)
+    assert (at_once == linear.jacobian(rows, 4)).all()
+    assert (at_once == A).all()
