@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from llvmlite import ir
+from numba import typeof
 from numba.core import cgutils, types
 from numba.extending import lower_builtin, type_callable
 
@@ -21,6 +22,14 @@ Fixed = Sequence[float | None]
 def type_of(record: Any) -> Any:
     """The numba type of a NamedTuple of floats."""
     return types.NamedUniTuple(types.float64, len(record._fields), record)
+
+
+def shape_of(example: Any) -> Any:
+    """The numba type of a NamedTuple of floats and of others like it; a TypeError where it holds something else."""
+    shape = typeof(example)
+    if any(kind != types.float64 for kind in _kinds(shape)):
+        raise TypeError(f"{type(example).__name__} holds something else than floats")
+    return shape
 
 
 def row_address(context: Any, builder: Any, kind: Any, arguments: Sequence[Any], place: int) -> Any:
@@ -94,25 +103,29 @@ def _with_index(context: Any, builder: Any, signature: Any, arguments: Sequence[
     return [arguments[0], context.cast(builder, arguments[1], signature.args[1], types.intp)]
 
 
-def is_record(kind: Any) -> bool:
+def _is_record(kind: Any) -> bool:
     """Whether a numba type is one of a tuple, over whose parts one can iterate."""
     return isinstance(kind, types.BaseTuple)
 
 
+def _kinds(shape: Any) -> list[Any]:
+    return [kind for part in shape for kind in _kinds(part)] if _is_record(shape) else [shape]
+
+
 def _leaves(kind: Any) -> int:
-    return sum(_leaves(part) for part in kind) if is_record(kind) else 1
+    return len(_kinds(kind))
 
 
 def _folded(context: Any, builder: Any, kind: Any, values: Iterator[Any]) -> Any:
     """Values one after the other as a record, which may hold others."""
-    if not is_record(kind):
+    if not _is_record(kind):
         return next(values)
     return context.make_tuple(builder, kind, [_folded(context, builder, part, values) for part in kind])
 
 
 def _flat(context: Any, builder: Any, kind: Any, value: Any) -> list[Any]:
     """The floats of a record, which may hold others, one after the other."""
-    if not is_record(kind):
+    if not _is_record(kind):
         return [context.cast(builder, value, kind, types.float64)]
     parts = zip(kind, cgutils.unpack_tuple(builder, value), strict=True)
     return [leaf for part, inner in parts for leaf in _flat(context, builder, part, inner)]
