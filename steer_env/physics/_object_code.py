@@ -1,0 +1,98 @@
+"""Numba's part of ``_direct``: a function compiled to object code with an entry that C conventions can call."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import typeof
+from numba.core import compiler, types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import cpu_target
+from numba.np import arrayobj
+
+from steer_env.physics._direct import ObjectCode
+
+_WORD = ir.IntType(64)
+_OPTIONS = {"nopython": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_NEVER = "abort"  # called where the function raises; optimised away where it cannot
+_LIBRARY_CALLS = {*dir(math), "fabs", "memcpy", "memmove", "memset"}
+
+
+class _Library(JITCodeLibrary):
+    """Code from which nothing is called but the entry of its name: the optimiser may do with all else as it likes."""
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.name != self.name:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
+@global_compiler_lock
+def compiled(function: Callable[..., float], arrays: tuple[Any, ...], entry: str) -> tuple[int, ObjectCode]:
+    """(Address, object code) of ``entry``(desk, value), which calls ``function`` with the arrays on the desk."""
+    kinds = [types.float64, *(typeof(array) for array in arrays)]
+    flags = compiler.Flags()
+    cpu_target.options.parse_as_flags(flags, _OPTIONS)
+    flags.no_compile = True  # not before the entry is there
+    context = cpu_target.target_context
+    library = _Library(context.codegen(), entry)
+    library.enable_object_caching()
+    result = compiler.compile_extra(
+        cpu_target.typing_context, context, function, tuple(kinds), types.float64, flags, {}, library=library
+    )
+    library.add_ir_module(_entry(context, library, result.fndesc, kinds, entry))
+    address = library.get_pointer_to_function(entry)
+    module = library.get_function(entry).module
+    outside = [value.name for part in (module.functions, module.global_variables) for value in part if value.is_declaration]
+    if _NEVER in outside:
+        raise TypeError(f"{function.__qualname__} may raise, which a function called as in C must not")
+    _, _, (code, _) = library.serialize_using_object_code()
+    return address, ObjectCode(code, entry, sorted(name for name in map(_symbol, outside) if name))
+
+
+def _entry(context: Any, library: Any, description: Any, kinds: list[Any], name: str) -> Any:
+    """The module of a function double name(intp *desk, double value)."""
+    module = library.create_ir_module(name)
+    convention = context.call_conv
+    native = ir.Function(
+        module, convention.get_function_type(description.restype, description.argtypes), description.llvm_func_name
+    )
+    function = ir.Function(module, ir.FunctionType(ir.DoubleType(), [_WORD.as_pointer(), ir.DoubleType()]), name)
+    builder = ir.IRBuilder(function.append_basic_block("entry"))
+    desk, value = function.args
+    place = 0
+
+    def words(n: int) -> list[Any]:
+        nonlocal place
+        place += n
+        return [builder.load(builder.gep(desk, [_WORD(k)])) for k in range(place - n, place)]
+
+    arguments = [value]
+    for kind in kinds[1:]:
+        if isinstance(kind, types.NoneType):
+            arguments.append(context.get_dummy_value())
+            continue
+        array = context.make_array(kind)(context, builder)
+        (address,), shape, strides = words(1), words(kind.ndim), words(kind.ndim)
+        data = builder.inttoptr(address, array.data.type)
+        size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+        arrayobj.populate_array(array, data=data, shape=shape, strides=strides, itemsize=size, meminfo=None)
+        arguments.append(array._getvalue())
+    status, returned = convention.call_function(builder, native, description.restype, description.argtypes, arguments)
+    with builder.if_then(status.is_error, likely=False):
+        builder.call(ir.Function(module, ir.FunctionType(ir.VoidType(), []), _NEVER), [])
+    builder.ret(returned)
+    return module
+
+
+def _symbol(name: str) -> str:
+    """What has to be there at run time for a name that LLVM knows: an operation of its own may end up as a call."""
+    if not name.startswith("llvm."):
+        return name
+    operation = name.split(".")[1]
+    return operation if operation in _LIBRARY_CALLS else ""
