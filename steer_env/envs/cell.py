@@ -60,4 +60,4 @@ def step_cell(
     for j in range(N_OBSERVED):
         part = cell[OBSERVED_CELLS.start + j] * cell[SCALE_CELLS.start + j]
         scaled[j] = clipped(part, OBSERVATION_LIMIT)
-    return reward_of(truth)
+    return float(reward_of(truth))

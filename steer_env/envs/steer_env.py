@@ -82,7 +82,6 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         # Checked now, so that a wrong option is told at make; what this draws is thrown away.
         self._setup: Setup = prepare(self.task, np.random.default_rng(0), PERIOD)
         self._period = -1
-        self._bind()
 
     @property
     def plant(self) -> Plant:
@@ -180,7 +179,8 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._bind()
+        if self._period >= 0:
+            self._bind()
 
     def render(self) -> NDArray[np.uint8] | None:
         """The wheel and the traces against the reference, as an image [h, w, 3]."""

@@ -5,7 +5,7 @@ arrays: a function of the value alone, which finds addresses and shapes on a des
 
 The object code lies in the folder of ``_cache``, in a file for each kind of arrays and each kind of processor, with a
 checksum, written whole or not at all. Where it is missing, damaged or needs a symbol that this process lacks, numba
-compiles anew. Such a function may not raise: it is called as functions in C are.
+compiles anew. A function that may raise is called in numba's ordinary way: functions in C do not raise.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import ctypes
 import hashlib
 import json
 import sys
+import threading
 from collections.abc import Callable
 from functools import partial, update_wrapper
 from pathlib import Path
@@ -23,10 +24,11 @@ import numpy as np
 
 from steer_env import atomic
 from steer_env.physics import _cache
-from steer_env.physics._jit import COMPILED, tell_numba
+from steer_env.physics._jit import COMPILED, compiled, tell_numba
 
 _C_FUNCTION = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_double)
 _CHECKSUM = hashlib.sha256().digest_size
+_lock = threading.Lock()
 _engines: list[Any] = []  # machine code lives as long as the engine that loaded it
 
 
@@ -56,6 +58,7 @@ class DirectFunction:
         update_wrapper(self, function)
         self._function = function
         self._by_kinds: dict[str, Any] = {}
+        self._entry_point = compiled(function)
 
     def __call__(self, value: float, *arrays: Any) -> float:
         return self._function(value, *arrays)
@@ -65,14 +68,20 @@ class DirectFunction:
         if not COMPILED:
             return lambda value: self._function(value, *arrays)
         kinds = " ".join("none" if array is None else _kind_of(array) for array in arrays)
-        if kinds not in self._by_kinds:
-            self._by_kinds[kinds] = _C_FUNCTION(self._address(kinds, arrays))
-        desk = np.array([word for array in arrays if array is not None for word in words_of(array)], np.intp)
-        bound = Bound(self._by_kinds[kinds], desk.ctypes.data)
+        with _lock:
+            if kinds not in self._by_kinds:
+                address = self._address(kinds, arrays)
+                self._by_kinds[kinds] = _C_FUNCTION(address) if address else None
+        function = self._by_kinds[kinds]
+        if function is None:
+            return lambda value: float(self._entry_point(value, *arrays))
+        desk = np.array([word for array in arrays if array is not None for word in _words_of(array)], np.intp)
+        bound = Bound(function, desk.ctypes.data)
         bound.keeps = desk, arrays
         return bound
 
     def _address(self, kinds: str, arrays: tuple[Any, ...]) -> int:
+        """Where the machine code for these kinds of arrays begins; 0 where there is none that C can call."""
         name = f"{self._function.__module__}.{self._function.__qualname__}"
         entry = f"{name}.{hashlib.sha256(f'{_host()} {kinds}'.encode()).hexdigest()[:16]}"
         folder = _cache.folder_of((self._function,))
@@ -81,22 +90,26 @@ class DirectFunction:
             if address:
                 return address
         tell_numba()
-        from steer_env.physics._object_code import compiled  # numba
+        try:
+            from steer_env.physics._object_code import compiled as object_code
 
-        address, result = compiled(self._function, arrays, entry)
+            address, result = object_code(self._function, arrays, entry)
+        except (ImportError, AttributeError, TypeError):
+            return 0  # it may raise, or this numba is another inside: then the ordinary way
         if folder is not None and _cache.is_writable(folder):
             _keep(result, folder / f"{entry}.bin")
         return address
 
 
-def words_of(array: Any) -> list[int]:
+def _words_of(array: Any) -> list[int]:
     """What a compiled function is told of an array: address, shape, strides in bytes."""
     return [array.ctypes.data, *array.shape, *array.strides]
 
 
 def _kind_of(array: Any) -> str:
     flags = array.flags
-    return f"{array.dtype.str}{array.ndim}{flags.c_contiguous:d}{flags.f_contiguous:d}{flags.aligned:d}{flags.writeable:d}"
+    marks = (flags.c_contiguous, flags.f_contiguous, flags.aligned, flags.writeable)
+    return f"{array.dtype.str}{array.ndim}" + "".join("01"[mark] for mark in marks)
 
 
 def _host() -> str:

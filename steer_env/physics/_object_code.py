@@ -36,7 +36,7 @@ class _Library(JITCodeLibrary):
 def compiled(function: Callable[..., float], arrays: tuple[Any, ...], entry: str) -> tuple[int, ObjectCode]:
     """(Address, object code) of ``entry``(desk, value), which calls ``function`` with the arrays on the desk."""
     kinds = [types.float64, *(typeof(array) for array in arrays)]
-    flags = compiler.Flags()
+    flags: Any = compiler.Flags()
     cpu_target.options.parse_as_flags(flags, _OPTIONS)
     flags.no_compile = True  # not before the entry is there
     context = cpu_target.target_context
@@ -48,7 +48,8 @@ def compiled(function: Callable[..., float], arrays: tuple[Any, ...], entry: str
     library.add_ir_module(_entry(context, library, result.fndesc, kinds, entry))
     address = library.get_pointer_to_function(entry)
     module = library.get_function(entry).module
-    outside = [value.name for part in (module.functions, module.global_variables) for value in part if value.is_declaration]
+    values = [*module.functions, *module.global_variables]
+    outside = [value.name for value in values if value.is_declaration]
     if _NEVER in outside:
         raise TypeError(f"{function.__qualname__} may raise, which a function called as in C must not")
     _, _, (code, _) = library.serialize_using_object_code()
