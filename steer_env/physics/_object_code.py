@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
@@ -19,6 +20,7 @@ from steer_env.physics._direct import ObjectCode
 _WORD = ir.IntType(64)
 _OPTIONS = {"nopython": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _NEVER = "abort"  # called where the function raises; optimised away where it cannot
+_CALLED_FROM_PYTHON = "_ZN7cpython"  # how numba begins the names of its wrappers
 _LIBRARY_CALLS = {*dir(math), "fabs", "memcpy", "memmove", "memset"}
 
 
@@ -32,6 +34,33 @@ class _Library(JITCodeLibrary):
         super()._optimize_final_module()
 
 
+class _Part(JITCodeLibrary):
+    """Code that is only linked into other code: nobody needs machine code of it alone."""
+
+    def _finalize_final_module(self) -> None:
+        if any(function.name.startswith(_CALLED_FROM_PYTHON) for function in self.get_defined_functions()):
+            super()._finalize_final_module()
+        else:
+            self._finalize_dynamic_globals()
+            self._finalized = True
+
+
+@contextmanager
+def _parts_without_machine_code(codegen: Any) -> Iterator[None]:
+    """Every function that is called is a library of numba's, for which it makes machine code, a fifth of the wait."""
+    plain = codegen.set_env
+
+    def set_env(name: str, env: Any) -> None:
+        if codegen._engine.is_symbol_defined(name):
+            plain(name, env)
+
+    codegen._library_class, codegen.set_env = _Part, set_env
+    try:
+        yield
+    finally:
+        del codegen._library_class, codegen.set_env
+
+
 @global_compiler_lock
 def compiled(function: Callable[..., float], arrays: tuple[Any, ...], entry: str) -> tuple[int, ObjectCode]:
     """(Address, object code) of ``entry``(desk, value), which calls ``function`` with the arrays on the desk."""
@@ -42,9 +71,10 @@ def compiled(function: Callable[..., float], arrays: tuple[Any, ...], entry: str
     context = cpu_target.target_context
     library = _Library(context.codegen(), entry)
     library.enable_object_caching()
-    result = compiler.compile_extra(
-        cpu_target.typing_context, context, function, tuple(kinds), types.float64, flags, {}, library=library
-    )
+    with _parts_without_machine_code(context.codegen()):
+        result = compiler.compile_extra(
+            cpu_target.typing_context, context, function, tuple(kinds), types.float64, flags, {}, library=library
+        )
     library.add_ir_module(_entry(context, library, result.fndesc, kinds, entry))
     address = library.get_pointer_to_function(entry)
     module = library.get_function(entry).module

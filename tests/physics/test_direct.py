@@ -15,7 +15,7 @@ import pytest
 
 from steer_env.physics import _cache, _direct
 from steer_env.physics._direct import direct
-from steer_env.physics._jit import COMPILED, scalar
+from steer_env.physics._jit import COMPILED, compiled, scalar
 
 ROOT = Path(__file__).resolve().parents[2]
 needs_machine_code = pytest.mark.skipif(not COMPILED, reason="numba is switched off")
@@ -186,6 +186,28 @@ def test_arrays_of_every_shape_reach_machine_code_as_they_are():
     assert given[1][0] == np.float32(expected)
     contiguous = [None if array is None else np.ascontiguousarray(array) for array in arrays()]
     assert marked.bound(*contiguous)(0.25) == expected
+
+
+@compiled
+def _tripled(value):
+    return 3.0 * _root(value)
+
+
+@compiled
+def _later(value):
+    return _root(value) + _root(_tripled(value))
+
+
+def _calling(value, row):
+    return _tripled(value) + row[0]
+
+
+def test_parts_of_machine_code_stay_usable_by_others(monkeypatch):
+    """Catches a function that was compiled only to be linked in, and then is called from Python or another function."""
+    monkeypatch.setenv("STEER_ENV_CACHE", "0")
+    assert direct(_calling).bound(np.full(1, 0.5))(4.0) == 6.5
+    assert _tripled(4.0) == 6.0
+    assert _later(4.0) == 2.0 + math.sqrt(6.0)
 
 
 def _careful(value, row):
