@@ -83,7 +83,7 @@ def compiled(function: Callable[..., float], arrays: tuple[Any, ...], entry: str
     if _NEVER in outside:
         raise TypeError(f"{function.__qualname__} may raise, which a function called as in C must not")
     _, _, (code, _) = library.serialize_using_object_code()
-    return address, ObjectCode(code, entry, sorted(name for name in map(_symbol, outside) if name))
+    return address, ObjectCode(code, entry, sorted({_symbol(name, code) for name in outside} - {""}))
 
 
 def _entry(context: Any, library: Any, description: Any, kinds: list[Any], name: str) -> Any:
@@ -121,9 +121,9 @@ def _entry(context: Any, library: Any, description: Any, kinds: list[Any], name:
     return module
 
 
-def _symbol(name: str) -> str:
-    """What has to be there at run time for a name that LLVM knows: an operation of its own may end up as a call."""
+def _symbol(name: str, code: bytes) -> str:
+    """What has to be there at run time for a name that LLVM knows: an operation of its own may have become a call."""
     if not name.startswith("llvm."):
         return name
     operation = name.split(".")[1]
-    return operation if operation in _LIBRARY_CALLS else ""
+    return operation if operation in _LIBRARY_CALLS and operation.encode() in code else ""
