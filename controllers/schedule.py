@@ -6,11 +6,10 @@ from functools import cache
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from steer_env.physics._jit import scalar
-from steer_env.physics._records import Path, is_record
+from steer_env.physics._jit import scalar, when_compiling
+from steer_env.physics.lanes import Path
 from steer_env.physics.reference import ReferenceParameters
 from steer_env.physics.rows import place
 from steer_env.plants import Reference
@@ -83,11 +82,19 @@ def felt_at(speed: float, schedule: Any) -> Felt:
     return schedule if isinstance(schedule, Felt) else looked_up(speed, schedule)
 
 
-@overload(felt_at, strict=False, jit_options={"forceinline": True, "error_model": "numpy"})
-def _felt_at_compiled(speed: Any, schedule: Any) -> Any:
-    if is_record(schedule):
-        return lambda speed, schedule: schedule
-    return lambda speed, schedule: looked_up(speed, schedule)
+def _tell_felt_at() -> None:
+    from numba.extending import overload
+
+    from steer_env.physics._records import is_record
+
+    @overload(felt_at, strict=False, jit_options={"forceinline": True, "error_model": "numpy"})
+    def compiled(speed: Any, schedule: Any) -> Any:
+        if is_record(schedule):
+            return lambda speed, schedule: schedule
+        return lambda speed, schedule: looked_up(speed, schedule)
+
+
+when_compiling(_tell_felt_at)
 
 
 @scalar

@@ -1,6 +1,6 @@
 """How fast the environments step, as ratios measured in one run on one thread.
 
-    python -m experiments.speed [--repeats 5] [--start/--no-start]
+    python -m experiments.speed [--repeats 5] [--start/--no-start] [--busy]
 
 Every repeat measures all cases one after the other, in short slices that take turns, in seconds of the processor: what
 others on the machine run in between does not count. A ratio is the median of the repeats' ratios. Absolute figures hold
@@ -13,16 +13,15 @@ the drawing of noise.
 from __future__ import annotations
 
 import gc
-import os
 import subprocess
 import sys
 import time
 import tracemalloc
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from statistics import median
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
@@ -37,6 +36,7 @@ import steer_env  # noqa: F401  (registers the ids)
 from experiments import speed_limit
 from experiments.rollout import scored
 from experiments.speed_split import split_table
+from experiments.start_times import start_times
 from steer_env.envs.task import Task
 from steer_env.physics.lanes import WIDTH
 from steer_env.plants import PLANTS, Reference
@@ -48,6 +48,7 @@ SLICES = 10  # of each case in one repeat
 CONTROLLER = "pid"
 EPISODES = 2 * WIDTH
 WHOLE = Task(duration=1.5)
+BUSY = ("CartPole-v1, make", "ours, make", "ours, SteerVectorEnv 64", "ours, SteerVectorEnv 1024")
 MOTOR_ENV = "Cont-TC-PMSM-v0"
 
 Run = Callable[[int], int]
@@ -145,25 +146,27 @@ def _controller() -> Any:
     return controllers.make(CONTROLLER, PLANTS["EPAS"], Reference(), "impedance")
 
 
-def measured(repeats: int, found: dict[str, Run]) -> dict[str, list[float]]:
+def measured(
+    repeats: int, found: dict[str, Run], clock: Callable[[], float] = time.process_time
+) -> dict[str, list[float]]:
     """Steps per second of each case in each repeat: the median of its slices."""
     calls = {}
     for name, step in found.items():
         step(1)  # compiles
         n, spent = 1, 0.0
         while spent < 0.5 * SLICE:
-            n, start = 2 * n, time.process_time()
+            n, start = 2 * n, clock()
             step(n)
-            spent = time.process_time() - start
+            spent = clock() - start
         calls[name] = max(round(n * SLICE / spent), 1)
     rates: dict[str, list[float]] = {name: [] for name in found}
     for _ in range(repeats):
         slices: dict[str, list[float]] = {name: [] for name in found}
         for _ in range(SLICES):
             for name, step in found.items():
-                start = time.process_time()
+                start = clock()
                 steps = step(calls[name])
-                slices[name].append(steps / (time.process_time() - start))
+                slices[name].append(steps / (clock() - start))
         for name, values in slices.items():
             rates[name].append(median(values))
     return rates
@@ -182,31 +185,27 @@ def memory_of_one(n: int = 1024) -> float:
     return held / n
 
 
-START = """
-import time
-begin = time.perf_counter()
-import steer_env
-imported = time.perf_counter()
-import gymnasium, numpy
-env = gymnasium.make({id!r})
-env.reset(seed=0)
-env.step(numpy.zeros(1, numpy.float32))
-print(imported - begin, time.perf_counter() - begin)
-"""
+@contextmanager
+def busy_neighbour() -> Iterator[subprocess.Popen[bytes]]:
+    """A process that keeps one processor busy."""
+    process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
 
 
-def start_times() -> dict[str, float]:
-    """Seconds of a fresh process: import, and all up to the first step, with an empty cache and with a filled one."""
-    found = {}
-    with TemporaryDirectory() as folder:
-        where = {**os.environ, "XDG_CACHE_HOME": folder, "LOCALAPPDATA": folder, "HOME": folder}
-        for state in ("an empty cache", "a filled cache"):
-            command = [sys.executable, "-c", START.format(id=OURS)]
-            done = subprocess.run(command, env=where, capture_output=True, text=True, check=True, timeout=300)
-            imported, stepped = (float(word) for word in done.stdout.split())
-            found[f"import steer_env, {state}"] = imported
-            found[f"import and first step, {state}"] = stepped
-    return found
+def beside_neighbour(repeats: int, found: dict[str, Run]) -> dict[str, list[float]]:
+    """Speed of each case beside a busy process over its speed alone, by the clock on the wall."""
+    ratios: dict[str, list[float]] = {name: [] for name in found}
+    for _ in range(repeats):
+        alone = measured(1, found, time.perf_counter)
+        with busy_neighbour():
+            beside = measured(1, found, time.perf_counter)
+        for name, values in ratios.items():
+            values.append(beside[name][0] / alone[name][0])
+    return ratios
 
 
 def compared(found: Iterable[str]) -> list[tuple[str, str]]:
@@ -240,7 +239,8 @@ def tables(rates: dict[str, list[float]]) -> tuple[Table, Table]:
 @click.command()
 @click.option("--repeats", default=5, show_default=True, type=click.IntRange(1), help="How often each case runs.")
 @click.option("--start/--no-start", default=True, show_default=True, help="Time a fresh start in other processes.")
-def main(repeats: int, start: bool) -> None:
+@click.option("--busy", is_flag=True, help="Measure the main cases beside a busy process too.")
+def main(repeats: int, start: bool, busy: bool) -> None:
     """Print steps per second, ratios, where the time goes, agreement with C, memory, and times of a fresh start."""
     console = Console(width=120)
     found = cases()
@@ -257,8 +257,11 @@ def main(repeats: int, start: bool) -> None:
         console.print(f"plant states in C and in ours differ by at most {apart:.1e} of their largest value")
     console.print(f"memory of one environment in a SteerVectorEnv of 1024: {memory_of_one() / 1024:.2f} KiB")
     if start:
-        for name, seconds in start_times().items():
+        for name, seconds in start_times(OURS, repeats).items():
             console.print(f"{name}: {seconds:.2f} s")
+    if busy:
+        for name, shares in beside_neighbour(repeats, {name: found[name] for name in BUSY}).items():
+            console.print(f"{name}: {median(shares):.2f} of its speed beside a busy process")
 
 
 if __name__ == "__main__":

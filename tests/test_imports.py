@@ -152,3 +152,12 @@ def test_the_help_of_the_program_loads_nothing_heavy():
     loaded = set(done.stdout.split("|")[-1].split())
     assert "click" in loaded
     assert not loaded & {"torch", "plotly", "matplotlib", "can", "numba", "scipy", "pandas", "ray"}
+
+
+def test_importing_the_environments_loads_no_compiler():
+    """Catches numba at the top of a file of physics: it takes longer to load than all the rest."""
+    code = "import sys, steer_env.envs; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert "steer_env.envs.lanes" in loaded
+    assert not loaded & {"torch", "plotly", "matplotlib", "can", "numba", "llvmlite", "scipy", "pandas", "ray"}

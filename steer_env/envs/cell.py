@@ -7,14 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.envs.batch import clipped
+from steer_env.envs.batch import clipped, reward_of
 from steer_env.envs.layout import LINE_LENGTH, LINES, OBSERVATION_LIMIT, PARAMETERS, STATE, Truth
 from steer_env.envs.period import control_period
-from steer_env.physics._jit import compiled
+from steer_env.physics._direct import direct
 from steer_env.physics.control_unit import Observation
 from steer_env.physics.rows import storer
 
 Array = NDArray[np.float64]
+NOISE_BLOCK = 32  # periods of noise drawn at once: half a KiB for each environment
+PERIODS = STATE.column("clock", "period")
 N_OBSERVED, N_TRUE = len(Observation._fields), len(Truth._fields)
 _LENGTHS = (PARAMETERS.size, STATE.size, len(LINES) * LINE_LENGTH, N_OBSERVED, N_TRUE, N_OBSERVED)
 _ENDS = np.cumsum(_LENGTHS).tolist()
@@ -32,28 +34,30 @@ def rows_of(cell: Array) -> tuple[Array, Array, Array]:
     return cell[PARAMETER_CELLS].reshape(1, -1), cell[STATE_CELLS].reshape(1, -1), lines
 
 
-@compiled
+@direct
 def step_cell(
     command: float,
-    noise_angle: float,
-    noise_torque: float,
+    noise: Array,
     cell: Array,
+    lines: Array,
     scaled: NDArray[np.float32],
     table: Array,
     car_table: Array,
-    effects: Any = None,
-) -> None:
-    """One period with a command in N m and two draws of noise: changes the cell, fills ``scaled`` [n_observed].
+    effects: Any,
+) -> float:
+    """One period with a command in N m: changes the cell, fills ``scaled`` [n_observed], returns the reward.
 
-    The cell's scales are reciprocal: what one SI unit of each observation is in units of the scaled one.
+    ``noise`` [NOISE_BLOCK, 2] are the draws of the present block of periods, ``lines`` [4, 16] the cell's own delay
+    lines. The cell's scales are reciprocal: what one SI unit of each observation is in units of the scaled one.
     """
-    lines = cell[LINE_CELLS].reshape((len(LINES), LINE_LENGTH))
     p_row, s_row = cell[PARAMETER_CELLS], cell[STATE_CELLS]
+    k = int(s_row[PERIODS]) % NOISE_BLOCK
     observation, truth = control_period(
-        command, noise_angle, noise_torque, p_row, s_row, lines, table, car_table, effects
+        command, float(noise[k, 0]), float(noise[k, 1]), p_row, s_row, lines, table, car_table, effects
     )
     _store_truth(cell, truth)
     _store_observation(cell, observation)
     for j in range(N_OBSERVED):
         part = cell[OBSERVED_CELLS.start + j] * cell[SCALE_CELLS.start + j]
         scaled[j] = clipped(part, OBSERVATION_LIMIT)
+    return float(reward_of(truth))

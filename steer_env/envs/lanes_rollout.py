@@ -20,9 +20,8 @@ from steer_env.envs.lanes import (
 )
 from steer_env.envs.layout import Truth
 from steer_env.physics._jit import compiled_with, named, scalar
-from steer_env.physics._records import Path
 from steer_env.physics.control_unit import Observation
-from steer_env.physics.lanes import WIDTH, lane_loader, lane_records, lane_storer, part_replacer
+from steer_env.physics.lanes import WIDTH, Path, lane_loader, lane_records, lane_storer, part_replacer
 
 Law = Callable[[Observation, Any, Any], Any]
 

@@ -14,6 +14,7 @@ from steer_env.envs import batch
 from steer_env.envs.cell import (
     CELL_SIZE,
     N_TRUE,
+    NOISE_BLOCK,
     OBSERVED_CELLS,
     REPORT_CELLS,
     SCALE_CELLS,
@@ -26,7 +27,6 @@ from steer_env.physics.control_unit import Observation
 from steer_env.physics.motor import Motor
 from steer_env.plants import Plant, Reference
 
-NOISE_BLOCK = 32  # periods of noise drawn at once: half a KiB for each environment
 UNSTABLE = "unstable: the wheel was thrown beyond any sane rate or torque"
 COMPLETE = "end of the manoeuvre"
 RENDER_FPS = 25
@@ -77,8 +77,7 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         n = len(Observation._fields)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gymnasium.spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, (n,), np.float32)
-        self._cell, self._scaled = np.zeros(CELL_SIZE), np.zeros(n, np.float32)
-        self._rows, self._report = rows_of(self._cell), self._cell[REPORT_CELLS]
+        self._cell, self._scaled, self._noise = np.zeros(CELL_SIZE), np.zeros(n, np.float32), np.zeros((NOISE_BLOCK, 2))
         self._viewer: Any = None
         # Checked now, so that a wrong option is told at make; what this draws is thrown away.
         self._setup: Setup = prepare(self.task, np.random.default_rng(0), PERIOD)
@@ -118,11 +117,13 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if options:
             self.task = self.task.changed(options)
         self._setup = prepare(self.task, self.np_random, PERIOD)
-        self._rows[0][0] = self._setup.row
+        self._bind()
+        rows = rows_of(self._cell)
+        rows[0][0] = self._setup.row
         self._rated_torque = self.motor.rated_torque
         per_scale = 1.0 / np.array(scales_of(self.task.causality, self._rated_torque))
         self._cell[SCALE_CELLS] = per_scale
-        batch.start_batch(*self._rows, self._setup.table, self._setup.car_table)
+        batch.start_batch(*rows, self._setup.table, self._setup.car_table)
         self._period = 0
         self._draw_noise()
         speed = PARAMETERS.read(self._setup.row, "episode").speed
@@ -142,17 +143,14 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"action is {share}: give a finite share of the rated torque in [-1, 1]")
         clipped = share < -1.0 or share > 1.0
         command = math.copysign(self._rated_torque, share) if clipped else share * self._rated_torque
-        if not self._noise:
+        if self._period % NOISE_BLOCK == 0 and self._period > 0:
             self._draw_noise()
-        setup, noise = self._setup, self._noise.pop()
-        first, second = noise
-        step_cell(command, first, second, self._cell, self._scaled, setup.table, setup.car_table, setup.effects)
+        reward = self._advance(command)
         self._period += 1
         ended = COMPLETE if self._period >= self._setup.periods else ""
         info = self._info(clipped, ended)
         if info["unstable"] > 0.5:
             ended = info["ended"] = UNSTABLE
-        reward = info["reward_tracking"] + info["reward_smoothness"] + info["reward_effort"]
         if self._viewer is not None or self.render_mode == "human":
             self._record(info)
         return self._scaled.copy(), reward, False, bool(ended), info
@@ -166,7 +164,23 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return info
 
     def _draw_noise(self) -> None:
-        self._noise = self.np_random.standard_normal((NOISE_BLOCK, 2))[::-1].tolist()
+        self.np_random.standard_normal(out=self._noise)
+
+    def _bind(self) -> None:
+        """Compiled code and views of the cell at the addresses where the arrays now lie."""
+        self._report, setup = self._cell[REPORT_CELLS], self._setup
+        lines = rows_of(self._cell)[2][0]
+        tables = setup.table, setup.car_table, setup.effects
+        self._advance = step_cell.bound(self._noise, self._cell, lines, self._scaled, *tables)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what points into the arrays, so that a copy gets its own."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("_advance", "_report")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if self._period >= 0:
+            self._bind()
 
     def render(self) -> NDArray[np.uint8] | None:
         """The wheel and the traces against the reference, as an image [h, w, 3]."""

@@ -4,6 +4,9 @@
 compiled code it is inlined. ``@compiled`` marks one of the few entry points. No fast-math anywhere
 and products instead of powers, so that Python and machine code give the same bits.
 
+Numba is loaded when something has to be compiled or found in its cache, not before: a mark only
+notes what numba is to be told then. ``_direct`` has the entry points that need it only once.
+
 Numba's own disk cache does not notice that an equation in another file changed. Ours cannot go
 stale: an entry point is stored in a folder named by a hash of every source file of steer_env and of
 the package it stands in, of numba's version and of the interpreter. Set STEER_ENV_CACHE=0 to
@@ -12,38 +15,51 @@ compile anew in every process, or NUMBA_DISABLE_JIT=1 to run everything as plain
 
 from __future__ import annotations
 
-import hashlib
 import os
-import sys
 from collections.abc import Callable
-from functools import cache
-from pathlib import Path
-from types import FunctionType
+from functools import cached_property, update_wrapper
 from typing import Any, TypeVar
 
-import numba
-from numba.extending import register_jitable
-from platformdirs import user_cache_dir
+from steer_env.physics import _cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_CONFIG: Any = numba.config
-COMPILED = not _CONFIG.DISABLE_JIT
-_ROOT = Path(__file__).resolve().parents[2]
-
+COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
+_untold: list[Callable[[], Any]] = []
+
+
+def when_compiling(tell: Callable[[], Any]) -> None:
+    """Call ``tell`` before numba compiles anything."""
+    _untold.append(tell)
+
+
+def tell_numba() -> None:
+    """Load numba and tell it what it has to know; to be called before anything is compiled."""
+    while _untold:
+        _untold.pop(0)()
 
 
 def scalar(function: F) -> F:
     """A scalar equation: plain Python from Python, inlined in compiled callers."""
     # Inlined early: what is still a call when the compiler looks for loops to turn into vector code keeps them scalar.
-    return register_jitable(forceinline=True, **_OPTIONS)(function)
+    return _jitable(function, forceinline=True)
 
 
 def seldom(function: F) -> F:
     """As ``scalar``, for what most periods pass by: called, which compiles faster."""
-    return register_jitable(**_OPTIONS)(function)
+    return _jitable(function)
+
+
+def _jitable(function: F, **options: Any) -> F:
+    def tell() -> None:
+        from numba.extending import register_jitable
+
+        register_jitable(**options, **_OPTIONS)(function)
+
+    when_compiling(tell)
+    return function
 
 
 def named(function: F, *parts: Any) -> F:
@@ -66,37 +82,47 @@ def compiled_with(function: F, *parts: Callable[..., Any]) -> F:
 
     What these close over themselves (a law around another law) counts too.
     """
-    dispatcher: Any = numba.njit(error_model="numpy", fastmath=False, nogil=True)(function)
-    if _CONFIG.DISABLE_JIT or os.environ.get("STEER_ENV_CACHE") == "0":
+    entry: Any = EntryPoint(function, parts) if COMPILED else function
+    return entry
+
+
+class EntryPoint:
+    """A function that numba compiles, or takes from its cache, when it is first called."""
+
+    def __init__(self, function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self._parts = parts
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.machine_code(*arguments)
+
+    @cached_property
+    def machine_code(self) -> Any:
+        """Numba's dispatcher, which compiles for the types of the arguments it gets."""
+        import numba
+
+        tell_numba()
+        dispatcher = numba.njit(error_model="numpy", fastmath=False, nogil=True)(self.py_func)
+        folder = _cache.folder_of((self.py_func, *self._parts))
+        if folder is not None and _cache.is_writable(folder):
+            config: Any = numba.config
+            before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+            try:
+                dispatcher.enable_caching()
+            finally:
+                config.CACHE_DIR = before
         return dispatcher
-    before = _CONFIG.CACHE_DIR
-    _CONFIG.CACHE_DIR = str(_cache_folder((function, *parts)))
-    try:
-        dispatcher.enable_caching()
-    finally:
-        _CONFIG.CACHE_DIR = before
-    return dispatcher
 
 
-def _cache_folder(functions: tuple[Callable[..., Any], ...]) -> Path:
-    """The cache folder of exactly these sources: steer_env and whatever the functions come from."""
-    roots = {_ROOT / "steer_env"}
-    waiting = list(functions)
-    for function in waiting:
-        cells = (cell.cell_contents for cell in function.__closure__ or ())
-        waiting += [content for content in cells if isinstance(content, FunctionType) and content not in waiting]
-        source = Path(function.__code__.co_filename).resolve()
-        ours = source.is_relative_to(_ROOT)
-        roots.add(_ROOT / source.relative_to(_ROOT).parts[0] if ours else source)
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    for root in sorted(roots):
-        digest.update(_hash_of(root))
-    return Path(user_cache_dir("steer-env")) / "compiled" / digest.hexdigest()[:16]
+def _tell_entry_points() -> None:
+    """Compiled code may call entry points."""
+    from numba.core import types
+    from numba.extending import typeof_impl
+
+    @typeof_impl.register(EntryPoint)
+    def _type_of(entry: EntryPoint, context: Any) -> Any:
+        return types.Dispatcher(entry.machine_code)
 
 
-@cache
-def _hash_of(root: Path) -> bytes:
-    digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")) if root.is_dir() else [root]:
-        digest.update(path.read_bytes())
-    return digest.digest()
+when_compiling(_tell_entry_points)

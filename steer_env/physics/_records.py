@@ -10,19 +10,28 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from llvmlite import ir
+from numba import typeof
 from numba.core import cgutils, types
 from numba.extending import lower_builtin, type_callable
+
+from steer_env.physics.lanes import Path
 
 Address = Callable[[Any, Any, Any, Sequence[Any], int], Any]
 """(context, builder, type of the array, arguments, field) -> where the field lies."""
 Fixed = Sequence[float | None]
-Path = tuple[int, ...]
-"""Field of a record, field of the record in that field, and so on."""
 
 
 def type_of(record: Any) -> Any:
     """The numba type of a NamedTuple of floats."""
     return types.NamedUniTuple(types.float64, len(record._fields), record)
+
+
+def shape_of(example: Any) -> Any:
+    """The numba type of a NamedTuple of floats and of others like it; a TypeError where it holds something else."""
+    shape = typeof(example)
+    if any(kind != types.float64 for kind in _kinds(shape)):
+        raise TypeError(f"{type(example).__name__} holds something else than floats")
+    return shape
 
 
 def row_address(context: Any, builder: Any, kind: Any, arguments: Sequence[Any], place: int) -> Any:
@@ -136,8 +145,12 @@ def is_record(kind: Any) -> bool:
     return isinstance(kind, types.BaseTuple)
 
 
+def _kinds(shape: Any) -> list[Any]:
+    return [kind for part in shape for kind in _kinds(part)] if is_record(shape) else [shape]
+
+
 def _leaves(kind: Any) -> int:
-    return sum(_leaves(part) for part in kind) if is_record(kind) else 1
+    return len(_kinds(kind))
 
 
 def _folded(context: Any, builder: Any, kind: Any, values: Iterator[Any]) -> Any:

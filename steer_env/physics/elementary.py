@@ -9,11 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic, overload
-
-from steer_env.physics._jit import scalar
+from steer_env.physics._jit import scalar, when_compiling
 
 LARGEST_ANGLE = 1e6  # rad: up to here sine and cosine keep their error
 LEAST = -700.0  # below it exp(-700) = 1e-304 is returned: nothing beside 1, and still a normal number
@@ -29,22 +25,29 @@ def power_of_two(n: float) -> float:
     return math.ldexp(1.0, int(n)) if n == n else n
 
 
-@intrinsic
-def _power_of_two_from_bits(typing_context: Any, n: Any) -> Any:
-    """N lands in the lowest bits of n + 1.5 x 2^52; moved to where the exponent is, it makes 2^n."""
+def _tell_power_of_two() -> None:
+    from llvmlite import ir
+    from numba.core import types
+    from numba.extending import intrinsic, overload
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        word = ir.IntType(64)
-        shifted = builder.bitcast(builder.fadd(arguments[0], ir.Constant(ir.DoubleType(), _TO_INTEGER)), word)
-        exponent = builder.add(builder.shl(shifted, word(52)), word(1023 << 52))
-        return builder.bitcast(exponent, ir.DoubleType())
+    @intrinsic
+    def from_bits(typing_context: Any, n: Any) -> Any:
+        """N lands in the lowest bits of n + 1.5 x 2^52; moved to where the exponent is, it makes 2^n."""
 
-    return types.float64(types.float64), generate
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            word = ir.IntType(64)
+            shifted = builder.bitcast(builder.fadd(arguments[0], ir.Constant(ir.DoubleType(), _TO_INTEGER)), word)
+            exponent = builder.add(builder.shl(shifted, word(52)), word(1023 << 52))
+            return builder.bitcast(exponent, ir.DoubleType())
+
+        return types.float64(types.float64), generate
+
+    @overload(power_of_two)
+    def _power_of_two_compiled(n):  # type: ignore[no-untyped-def]
+        return lambda n: from_bits(n)  # type: ignore[call-arg]
 
 
-@overload(power_of_two)
-def _power_of_two_compiled(n):  # type: ignore[no-untyped-def]
-    return lambda n: _power_of_two_from_bits(n)  # type: ignore[call-arg]
+when_compiling(_tell_power_of_two)
 
 
 @scalar

@@ -11,14 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-import numba
-from numba.core import types
+from steer_env.physics._jit import named, when_compiling
 
-from steer_env.physics._jit import named
-from steer_env.physics._records import Path, is_record, lane_address, reads, replaces, type_of, writes
-
+Path = tuple[int, ...]
+"""Field of a record, field of the record in that field, and so on."""
 WIDTH = 32  # environments side by side: a few vectors of a processor, and a block that stays in its nearest caches
-_ADDRESS = lane_address(WIDTH)
 
 
 def lane_loader(record: Any, start: int, fixed: Mapping[str, float] | None = None) -> Callable[[Any, int], Any]:
@@ -32,8 +29,13 @@ def lane_loader(record: Any, start: int, fixed: Mapping[str, float] | None = Non
         given = enumerate(constants)
         return record(*(float(block[start + k, lane]) if value is None else value for k, value in given))
 
-    reads(named(load, record, start), type_of(record), start, _ADDRESS, constants)
-    return load
+    def tell() -> None:
+        from steer_env.physics import _records
+
+        _records.reads(load, _records.type_of(record), start, _records.lane_address(WIDTH), constants)
+
+    when_compiling(tell)
+    return named(load, record, start)
 
 
 def lane_storer(record: Any, start: int) -> Callable[[Any, int, Any], None]:
@@ -43,8 +45,13 @@ def lane_storer(record: Any, start: int) -> Callable[[Any, int, Any], None]:
         for k, value in enumerate(values):
             block[start + k, lane] = value
 
-    writes(named(store, record, start), start, _ADDRESS)
-    return store
+    def tell() -> None:
+        from steer_env.physics import _records
+
+        _records.writes(store, start, _records.lane_address(WIDTH))
+
+    when_compiling(tell)
+    return named(store, record, start)
 
 
 def lane_records(
@@ -54,7 +61,9 @@ def lane_records(
 
     They lie in rows ``start`` and up.
     """
-    shape = numba.typeof(example)
+    from steer_env.physics import _records
+
+    shape, address = _records.shape_of(example), _records.lane_address(WIDTH)
 
     def load(block: Any, lane: int) -> Any:
         values = iter(block[start:, lane].tolist())
@@ -64,10 +73,8 @@ def lane_records(
         for k, value in enumerate(flat(record)):
             block[start + k, lane] = value
 
-    if any(kind != types.float64 for kind in _kinds(shape)):
-        raise TypeError(f"{type(example).__name__} holds something else than floats")
-    reads(load, shape, start, _ADDRESS)
-    writes(store, start, _ADDRESS)
+    _records.reads(load, shape, start, address)
+    _records.writes(store, start, address)
     return len(flat(example)), load, store
 
 
@@ -79,8 +86,13 @@ def part_replacer(paths: Sequence[Path]) -> Callable[[Any, Any], Any]:
             record = _with_part(record, path, part)
         return record
 
-    replaces(named(replaced, *paths), paths)
-    return replaced
+    def tell() -> None:
+        from steer_env.physics import _records
+
+        _records.replaces(replaced, paths)
+
+    when_compiling(tell)
+    return named(replaced, *paths)
 
 
 def _with_part(record: Any, path: Path, part: Any) -> Any:
@@ -99,9 +111,3 @@ def flat(record: Any) -> list[float]:
 def _filled(example: Any, values: Iterator[float]) -> Any:
     parts = [_filled(part, values) if isinstance(part, tuple) else next(values) for part in example]
     return type(example)._make(parts) if hasattr(example, "_make") else tuple(parts)
-
-
-def _kinds(shape: Any) -> list[Any]:
-    if not is_record(shape):
-        return [shape]
-    return [kind for part in shape for kind in _kinds(part)]

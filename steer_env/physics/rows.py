@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.physics._jit import named, scalar
-from steer_env.physics._records import reads, row_address, type_of, writes
+from steer_env.physics._jit import named, scalar, when_compiling
 
 Row = NDArray[np.float64]
 
@@ -26,8 +25,13 @@ def loader(record: Any, start: int) -> Callable[[Row], Any]:
     def load(row: Row) -> Any:
         return record(*row[start:end].tolist())
 
-    reads(named(load, record, start), type_of(record), start, row_address)
-    return load
+    def tell() -> None:
+        from steer_env.physics import _records
+
+        _records.reads(load, _records.type_of(record), start, _records.row_address)
+
+    when_compiling(tell)
+    return named(load, record, start)
 
 
 def storer(record: Any, start: int) -> Callable[[Row, Any], None]:
@@ -37,8 +41,13 @@ def storer(record: Any, start: int) -> Callable[[Row, Any], None]:
     def store(row: Row, values: Any) -> None:
         row[start:end] = values
 
-    writes(named(store, record, start), start, row_address)
-    return store
+    def tell() -> None:
+        from steer_env.physics import _records
+
+        _records.writes(store, start, _records.row_address)
+
+    when_compiling(tell)
+    return named(store, record, start)
 
 
 @scalar

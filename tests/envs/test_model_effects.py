@@ -10,6 +10,7 @@ import pytest
 
 from controllers import make
 from experiments.rollout import run
+from steer_env.envs.cell import rows_of
 from steer_env.envs.layout import Truth
 from steer_env.envs.task import Task
 from steer_env.errors import InputError
@@ -147,7 +148,7 @@ def test_rack_torque_told_is_the_one_that_loads_the_pinion() -> None:
     assert abs(lifted) > 0.2
     friction = env.unwrapped.plant.steering.M_fric
     assert abs(info["torsion_bar_torque"] - info["rack_torque"]) <= 1.001 * friction
-    steering = env.unwrapped._rows[1][0][9]
+    steering = rows_of(env.unwrapped._cell)[1][0][9]
     assert info["torsion_bar_torque"] == pytest.approx(info["rack_torque"] + steering, abs=0.02)
 
 

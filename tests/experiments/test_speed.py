@@ -1,5 +1,6 @@
 """The table of speeds: what is counted and what is divided by what, without timing anything."""
 
+import contextlib
 import shutil
 from typing import Any, NamedTuple
 
@@ -41,6 +42,31 @@ def test_every_compared_case_is_measured(monkeypatch):
     _, ratios = speed.tables(rates)
     cells = [next(iter(column.cells)) for column in ratios.columns]
     assert cells == ["ours, make", "CartPole-v1, make", "3", "3", "3"]
+
+
+def test_the_busy_process_is_there_only_beside_the_second_measurement(monkeypatch):
+    """Catches a ratio of two measurements alone, and a process that goes on after the program."""
+    running = []
+
+    def measured(repeats, found, clock):
+        running.append(list(neighbours))
+        return {name: [3.0 - 2.0 * bool(neighbours)] for name in found}
+
+    neighbours, started = [], speed.busy_neighbour
+
+    @contextlib.contextmanager
+    def watched():
+        with started() as process:
+            assert process.poll() is None
+            neighbours.append(process)
+            yield process
+            neighbours.clear()
+        assert process.poll() is not None
+
+    monkeypatch.setattr(speed, "measured", measured)
+    monkeypatch.setattr(speed, "busy_neighbour", watched)
+    assert speed.beside_neighbour(2, {"case": lambda n: n}) == {"case": [1 / 3, 1 / 3]}
+    assert [len(processes) for processes in running] == [0, 1, 0, 1]
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None and shutil.which("cc") is None, reason="no C compiler")

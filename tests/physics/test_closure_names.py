@@ -4,7 +4,7 @@ from controllers import lead, pid
 from steer_env.envs import batch
 from steer_env.envs.layout import PARAMETERS, STATE
 from steer_env.manoeuvres import MANOEUVRES, hand_at
-from steer_env.physics import _jit
+from steer_env.physics import _cache
 
 
 def test_no_two_closures_of_one_signature_share_a_name():
@@ -29,6 +29,7 @@ def test_code_around_a_law_around_a_law_is_kept_under_both_their_sources(monkeyp
         return inner(o, x, p)
 
     seen = []
-    monkeypatch.setattr(_jit, "_hash_of", lambda root: seen.append(root.name) or b"")
-    _jit._cache_folder((closing,))
+    monkeypatch.delenv("STEER_ENV_CACHE", raising=False)
+    monkeypatch.setattr(_cache, "_hash_of", lambda root: seen.append(root.name) or b"")
+    _cache.folder_of((closing,))
     assert "controllers" in seen
