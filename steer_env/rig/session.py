@@ -183,6 +183,7 @@ class RigSession:
             "sample_age": self.link.now() - received,
             "host_time": received,
             "device_time": math.nan if reading is None else reading.device_time,
+            "sensor_torque": self._gauge.sensor_torque,
             "round_trip": self.round_trip,
             "late": self.late,
             "skipped": self.skipped,
