@@ -12,7 +12,7 @@ import click
 from experiments.cli_options import debug_option
 from experiments.cli_table import Entry, TableGroup
 from steer_env import __version__
-from steer_env.errors import InputError
+from steer_env.errors import InputError, RigError
 
 FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
 # What the user can mend although Python, not we, noticed it.
@@ -53,6 +53,8 @@ class Program(TableGroup):
         except (click.ClickException, click.exceptions.Exit):
             raise  # click's own: usage errors (2), --help
         except InputError as error:
+            _stop(ctx, BAD_INPUT, str(error), error)
+        except RigError as error:
             _stop(ctx, BAD_INPUT, str(error), error)
         except (KeyboardInterrupt, click.Abort) as error:
             _stop(ctx, INTERRUPTED, "interrupted; partial results kept", error)

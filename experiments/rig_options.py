@@ -23,6 +23,23 @@ def bus_options(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
+def arm_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --torque-cap, --patience, --no-watchdog, --mf4, --arm, --yes of the commands that give torque.
+
+    The command receives torque_cap (float or None), patience (float), no_watchdog, mf4, arm and yes (bool).
+    """
+    for option in reversed(_ARM_OPTIONS):
+        function = option(function)
+    return function
+
+
+def unlocked(env: Any, question: str, arm: bool, yes: bool) -> None:
+    """Unlock a ``RigEnv`` if --arm was given and the question, with {cap} in N m, is answered by ARM."""
+    cap = env.connection.limits_of(env.connection.codec()).torque_cap
+    if arm and (yes or click.prompt(question.format(cap=cap), default="", show_default=False, err=True) == "ARM"):
+        env.unlock()
+
+
 def _settings(ctx: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> dict[str, Any]:
     settings: dict[str, Any] = {}
     for text in given:
@@ -64,4 +81,15 @@ _OPTIONS = (
         "--port", type=click.IntRange(1024, 65535), default=43113, show_default=True, metavar="N",
         help="UDP port of udp_multicast.",
     ),
+)  # fmt: skip
+_ARM_OPTIONS = (
+    click.option("--torque-cap", type=float, default=None, metavar="NM", help="[default: 2 N m, or the drive's rating]"),
+    click.option(
+        "--patience", type=float, default=1.0, show_default=True, metavar="FACTOR",
+        help="On how late a cycle, a measurement or a beat may be: up to 10, for virtual motors on a busy computer.",
+    ),
+    click.option("--no-watchdog", is_flag=True, help="For a bus that only one process can open."),
+    click.option("--mf4", is_flag=True, help="Frames and runs as MF4, too (needs 'steer-env[formats]')."),
+    click.option("--arm", is_flag=True, help="Without it nothing is sent; asks once more."),
+    click.option("--yes", is_flag=True, help="The answer to that question, for virtual motors and scripts."),
 )  # fmt: skip

@@ -6,9 +6,9 @@
         campaign.end()
 
 It can be read at any time in between: rows reach the file in whole lines, ``FLUSH`` of them at once, and a run is
-listed in campaign.toml as soon as it is long enough to be read. A killed program therefore loses at most ``FLUSH`` rows,
-a tenth of a second at 1 kHz. Nothing is synced to the disk while a run lasts, since that may take longer than a control period;
-after a power failure it depends on the disk.
+listed in campaign.toml as soon as it is long enough to be read. A killed program therefore loses ``FLUSH`` rows at
+most, a tenth of a second at 1 kHz. Nothing is synced to the disk while a run lasts, since that may take longer than a
+control period; after a power failure it depends on the disk.
 """
 
 from __future__ import annotations
@@ -73,6 +73,13 @@ def csv_text(columns: Mapping[str, Any]) -> str:
     return text.getvalue()
 
 
+def refuse_recorded(folder: Path) -> None:
+    """Raise InputError if a campaign, or runs of one, are in a folder."""
+    for found in (folder / "campaign.toml", *(folder / "runs").glob("*.csv")):
+        if found.exists():
+            raise InputError(f"{found}", "is there already", "choose another folder, or move it away")
+
+
 class CampaignFile:
     """Writes FOLDER/campaign.toml and FOLDER/runs/*.csv; InputError if a campaign is there already.
 
@@ -85,8 +92,7 @@ class CampaignFile:
     ) -> None:
         self.folder, self.name, self.kind = Path(folder), name, kind
         self.path = self.folder / "campaign.toml"
-        if self.path.exists():
-            raise InputError(f"{self.path}", "is there already", "choose another folder, or move it away")
+        refuse_recorded(self.folder)
         (self.folder / "runs").mkdir(parents=True, exist_ok=True)
         self.tables = dict(tables or {})
         self.listed: list[RunEntry] = []

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import gymnasium
 
-from steer_env.campaign_file import CampaignFile
+from steer_env.campaign_file import CampaignFile, refuse_recorded
 from steer_env.envs.layout import PERIOD
 from steer_env.errors import InputError
 from steer_env.plants import Plant, Reference
@@ -141,8 +141,7 @@ class RecordCampaign(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.Reco
         self._folder, self._before = Path(folder), {}  # type: Path, Info
         self._row: Kind | None = None
         self.campaign: CampaignFile | None = None
-        if (self._folder / "campaign.toml").exists():  # now, not when a motor waits
-            CampaignFile(folder, self._named, self.kind)
+        refuse_recorded(self._folder)  # now, not when a motor waits
 
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
         """Start an episode, and with it a run."""

@@ -15,13 +15,13 @@ from steer_env.envs.layout import OBSERVATION_LIMIT, PARAMETERS, Truth
 from steer_env.envs.measured_period import step_measured
 from steer_env.envs.steer_env import COMPLETE, TRUTH_NAMES, UNSTABLE, scales_of
 from steer_env.envs.task import Setup, Task, prepare
-from steer_env.errors import InputError
+from steer_env.errors import InputError, RigError
 from steer_env.physics.control_unit import Observation
 from steer_env.physics.motor import Motor, limited_command
 from steer_env.plants import Plant, Reference
 from steer_env.rig.connection import Connection
 from steer_env.rig.safety import State
-from steer_env.rig.session import PERIOD, RigError, RigSession
+from steer_env.rig.session import PERIOD, RigSession
 from steer_env.rig.settling import settle
 from steer_env.rig.shutdown import Shutdown
 

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
+from steer_env.errors import RigError
 from steer_env.plants import Plant
 from steer_env.rig.bus import Link
 from steer_env.rig.frame import Frame, Received
@@ -38,15 +39,11 @@ Tap = Callable[[Frame, float, bool], None]
 """Told every frame: (frame, host time in s, whether we sent it). For recorders."""
 
 
-class RigError(RuntimeError):
-    """The rig does not do what was asked of it; it has no torque."""
-
-
 class RigSession:
     """A motor on a link, its safety layer, its pace, and (where there is one) its watchdog process.
 
     ``plant`` is what the control side believes of the wheel; it serves to estimate what a protocol does not tell.
-    ``applied`` is the last torque sent in N m.
+    ``applied`` is the last torque sent in N m. ``patience``: factor on the period by which a cycle counts as late.
     """
 
     def __init__(
@@ -57,9 +54,10 @@ class RigSession:
         limits: Limits | None = None,
         watchdog: Watchdog | None = None,
         tap: Tap | None = None,
+        patience: float = 1.0,
     ) -> None:
         self.link, self.motor, self.watchdog, self._tap = link, motor, watchdog, tap
-        self.safety = SafetyLayer(motor.rated_torque, limits, PERIOD, motor.counter_modulus)
+        self.safety = SafetyLayer(motor.rated_torque, limits, patience * PERIOD, motor.counter_modulus)
         self.pacer = Pacer(PERIOD, link.now)
         self.status, self.reading = NO_STATUS, None  # type: tuple[DriveStatus, Reading | None]
         self.applied = 0.0

@@ -6,11 +6,10 @@ import pytest
 
 import controllers
 import steer_env  # noqa: F401  (registers the ids)
-from steer_env.errors import InputError
+from steer_env.errors import InputError, RigError
 from steer_env.plants import PLANTS
 from steer_env.rig.rig_env import RigEnv
 from steer_env.rig.safety_limits import Limits
-from steer_env.rig.session import RigError
 from steer_env.rig.virtual.faults import Fault
 from steer_env.rig.virtual.wheel import PERFECT, Imperfections
 
