@@ -100,12 +100,14 @@ class CampaignFile:
         self._runs = 0
         self._file: io.RawIOBase | None = None
 
-    def begin(self, columns: Sequence[str], manoeuvre: str, speed_kmh: float | None = None) -> None:
+    def begin(
+        self, columns: Sequence[str], manoeuvre: str, speed_kmh: float | None = None, role: str = "auto"
+    ) -> None:
         """Start a run's file, ending the one before; the first column is time_s."""
         self.end()
         self._runs += 1
         self._wish = manoeuvre if manoeuvre in SHORTEST else ANYTHING
-        self._speed_kmh = speed_kmh
+        self._speed_kmh, self._role = speed_kmh, role
         at_speed = "" if speed_kmh is None else f"{speed_kmh:03.0f}_"
         self._run = f"runs/{at_speed}{manoeuvre}_{self._runs}.csv"
         self._file = (self.folder / self._run).open("xb", buffering=0)
@@ -156,7 +158,7 @@ class CampaignFile:
         seconds = self._last - (self._first or 0.0)
         fitting = next((name for name in (self._wish, ANYTHING) if seconds >= SHORTEST[name][0]), None)
         if fitting is not None and fitting != self._as:
-            entry = RunEntry(self._run, fitting, self._speed_kmh)
+            entry = RunEntry(self._run, fitting, self._speed_kmh, self._role)
             self.listed = [run for run in self.listed if run.file != self._run] + [entry]
             self._as = fitting
             self._write_toml()

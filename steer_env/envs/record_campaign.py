@@ -119,8 +119,9 @@ KINDS: dict[str, Callable[[Any, Info], Kind]] = {"vehicle": _vehicle, "rig": _ri
 class RecordCampaign(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
     """Write each episode as a run of a campaign in ``folder``, for ``steer-env identify`` and ``gap``.
 
-    ``kind`` is "vehicle" or "rig"; None: "rig" on a rig, else "vehicle". ``manoeuvre`` (an attribute, too) is what the
-    campaign calls the next episode where that is not the task's. A killed program loses the last tenth of a second.
+    ``kind`` is "vehicle" or "rig"; None: "rig" on a rig, else "vehicle". Two attributes hold for the next episode:
+    ``manoeuvre``, what the campaign calls it where that is not the task's, and ``role`` ("identify", "validate", "auto":
+    the reader holds one of three repeats out). A killed program loses the last tenth of a second.
 
     Raises InputError where a campaign is there already, or the environment is not of that kind.
     """
@@ -136,7 +137,7 @@ class RecordCampaign(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.Reco
         self.kind = kind or ("rig" if self.real else "vehicle")
         if self.kind not in KINDS:
             raise InputError("RecordCampaign", f"there is no kind {kind!r}", f"give one of {', '.join(KINDS)}")
-        self.manoeuvre = manoeuvre
+        self.manoeuvre, self.role = manoeuvre, "auto"
         self._named = name or (env.spec.id if env.spec is not None else type(inside).__name__)
         self._folder, self._before = Path(folder), {}  # type: Path, Info
         self._row: Kind | None = None
@@ -189,7 +190,8 @@ class RecordCampaign(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.Reco
         assert self._row is not None
         assert self.campaign is not None
         task = getattr(self.env.unwrapped, "task")  # noqa: B009  (not a member of every Env)
-        self.campaign.begin(("time_s", *self._row.columns), self.manoeuvre or task.manoeuvre, self._speed)
+        columns = ("time_s", *self._row.columns)
+        self.campaign.begin(columns, self.manoeuvre or task.manoeuvre, self._speed, self.role)
         held = [k for k, name in enumerate(self._row.columns) if name == COMMAND]
         self._even, self._time = EvenRows(PERIOD, held), math.inf
 
