@@ -171,7 +171,7 @@ class RigFit:
         gram = grams[fit.index].sum(axis=0)
         total = max(float(samples.sum()), 1.0)
         keep = np.append(smaller, True)
-        theta, _ = drive_fit.solve(blocks.grams[0].sum(axis=0)[np.ix_(keep, keep)], np.zeros((4, 4)), 0.0)
+        theta, _ = drive_fit.solve(blocks.grams[0].sum(axis=0)[np.ix_(keep, keep)], np.zeros((smaller.sum(),) * 2), 0.0)
         powers = {
             "model": drive_fit.residual(gram, fit.theta),
             "without friction": drive_fit.residual(gram[np.ix_(keep, keep)], theta),
