@@ -1,12 +1,11 @@
 """Episodes on a rig, recorded: every frame as BLF and candump, the signals as a campaign, and how well time was kept.
 
-``rig run`` and ``rig excite`` share it. Nothing here may hold up a control cycle: no garbage is collected while a motor
-waits, no thread draws a progress bar, and MF4, which is only whole when it is finished, is made of the logs afterwards.
+``rig run`` and ``rig excite`` share it. Nothing here may hold up a control cycle: no thread draws a progress bar, and
+MF4, which is only whole when it is finished, is made of the logs afterwards.
 """
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -61,6 +60,7 @@ def recorded(out: Path, options: dict[str, Any], causality: str, kind: str, mf4:
     from steer_env.campaign_mf4 import require_asammdf
     from steer_env.envs import RecordCampaign
     from steer_env.rig.mf4 import as_mf4
+    from steer_env.rig.motors.dbc import dbc_of
     from steer_env.rig.recorder import Recorder
 
     if mf4:
@@ -71,7 +71,7 @@ def recorded(out: Path, options: dict[str, Any], causality: str, kind: str, mf4:
         with RecordCampaign(rig, out, kind=kind, name=name) as env:
             yield Recorded(env, tuple(recorder.paths), out / "campaign.toml")
     if mf4:
-        as_mf4(out, recorder.paths[0])
+        as_mf4(out, recorder.paths[0], dbc_of(options["motor"]), campaign=True)
 
 
 def play(env: Any, law: Any, seed: int, label: str, quiet: bool) -> Played:
@@ -82,32 +82,18 @@ def play(env: Any, law: Any, seed: int, label: str, quiet: bool) -> Played:
     rows, late = [], []
     _, info = env.reset(seed=seed)
     law.reset(inside.session.pacer.period)
-    with no_garbage():
-        while not info["ended"]:
-            *_, info = env.step(inside.action_for(law(info["observation"])))
-            rows.append([info[name] for name in Truth._fields])
-            late.append(info["rig"]["late"])
-            if not quiet and len(rows) % 1000 == 0:
-                click.echo(f"\r{label}  {len(rows) // 1000:4d} s of {inside.periods // 1000}", nl=False, err=True)
+    while not info["ended"]:
+        *_, info = env.step(inside.action_for(law(info["observation"])))
+        rows.append([info[name] for name in Truth._fields])
+        late.append(info["rig"]["late"])
+        if not quiet and len(rows) % 1000 == 0:
+            click.echo(f"\r{label}  {len(rows) // 1000:4d} s of {inside.periods // 1000}", nl=False, err=True)
     if not quiet:
         click.echo(f"\r{label}  {info['ended']}{' ' * 20}", err=True)
     signals = np.array(rows)
     error = signals[:, Truth._fields.index("error")]
     overruns = info["rig"]["overruns"]
     return Played(info["ended"], float(np.sqrt(np.mean(error * error))), np.array(late), overruns, signals)
-
-
-@contextmanager
-def no_garbage() -> Iterator[None]:
-    """Collect no garbage meanwhile: a full collection of a program with compiled code takes longer than a cycle."""
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-        gc.unfreeze()
 
 
 def report(ctx: click.Context, played: Sequence[Played], rig: Recorded, as_json: bool) -> None:

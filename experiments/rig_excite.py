@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import click
 
 from experiments.cli_options import common_options
-from experiments.rig_options import arm_options, bus_options, unlocked
+from experiments.rig_options import arm_options, bus_options, fresh, unlocked
 
 CONFIRM = (
     "The motor will turn the wheel to and fro by itself with up to {cap:g} N m. "
@@ -106,7 +106,7 @@ def command(
         "patience": patience, "manoeuvre": "standstill", "driver": "hands_off", "duration": seconds,
     }  # fmt: skip
     played = []
-    with recorded(out, options, "impedance", "rig", mf4) as rig:
+    with recorded(fresh(ctx, out), options, "impedance", "rig", mf4) as rig:
         inside = rig.env.unwrapped
         cap = inside.connection.limits_of(inside.connection.codec()).torque_cap
         plan = [(feed, repeat) for feed in FEEDS for repeat in range(repeats)]

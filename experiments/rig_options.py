@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
+from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from steer_env.errors import InputError
 from steer_env.rig.motors import MOTORS
@@ -34,10 +37,27 @@ def arm_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def unlocked(env: Any, question: str, arm: bool, yes: bool) -> None:
-    """Unlock a ``RigEnv`` if --arm was given and the question, with {cap} in N m, is answered by ARM."""
-    cap = env.connection.limits_of(env.connection.codec()).torque_cap
-    if arm and (yes or click.prompt(question.format(cap=cap), default="", show_default=False, err=True) == "ARM"):
-        env.unlock()
+    """Unlock a ``RigEnv`` if --arm was given and the question, with {cap} in N m, is answered by ARM.
+
+    Raises InputError otherwise, but for the virtual motor of this process, which can hurt nobody.
+    """
+    connection = env.connection
+    if connection.interface == "stepped":
+        return
+    if not arm:
+        raise InputError("rig", "is locked, and nothing was sent", "add --arm when hands are clear of the wheel")
+    cap = connection.limits_of(connection.codec()).torque_cap
+    if not yes and click.prompt(question.format(cap=cap), default="", show_default=False, err=True) != "ARM":
+        raise InputError("rig", "is locked, and nothing was sent", "answer ARM when hands are clear of the wheel")
+    env.unlock()
+
+
+def fresh(ctx: click.Context, out: Path) -> Path:
+    """The folder of --out; where it was not given and holds a recording already, the next one with a number."""
+    if ctx.get_parameter_source("out") is not ParameterSource.DEFAULT:
+        return out
+    numbered = (out if k == 1 else out.with_name(f"{out.name}_{k}") for k in count(1))
+    return next(folder for folder in numbered if not folder.exists() or not any(folder.iterdir()))
 
 
 def _settings(ctx: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> dict[str, Any]:
@@ -83,13 +103,15 @@ _OPTIONS = (
     ),
 )  # fmt: skip
 _ARM_OPTIONS = (
-    click.option("--torque-cap", type=float, default=None, metavar="NM", help="[default: 2 N m, or the drive's rating]"),
+    click.option(
+        "--torque-cap", type=float, default=None, metavar="NM", help="[default: 2 N m, or the drive's rating]"
+    ),
     click.option(
         "--patience", type=float, default=1.0, show_default=True, metavar="FACTOR",
         help="On how late a cycle, a measurement or a beat may be: up to 10, for virtual motors on a busy computer.",
     ),
     click.option("--no-watchdog", is_flag=True, help="For a bus that only one process can open."),
-    click.option("--mf4", is_flag=True, help="Frames and runs as MF4, too (needs 'steer-env[formats]')."),
+    click.option("--mf4", is_flag=True, help="Frames and runs also as MF4, in OUT/mf4 ('steer-env[formats]')."),
     click.option("--arm", is_flag=True, help="Without it nothing is sent; asks once more."),
     click.option("--yes", is_flag=True, help="The answer to that question, for virtual motors and scripts."),
 )  # fmt: skip

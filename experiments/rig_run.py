@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from experiments.cli_options import common_options
-from experiments.rig_options import arm_options, bus_options, unlocked
+from experiments.rig_options import arm_options, bus_options, fresh, unlocked
 
 CONFIRM = "The motor will turn the wheel with up to {cap:g} N m. Hands clear and the rig fixed? Type ARM"
 
@@ -52,8 +52,8 @@ def command(
         "duration": duration,
     }  # fmt: skip
     played = []
-    with recorded(out, options, causality, kind, mf4) as rig:
-        inside = rig.env.unwrapped
+    with recorded(fresh(ctx, out), options, causality, kind, mf4) as rig:
+        inside: Any = rig.env.unwrapped
         law = controllers.make(controller, inside.plant, inside.reference, causality)
         for k in range(repeats):
             unlocked(inside, CONFIRM, arm, yes or k > 0)

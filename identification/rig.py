@@ -2,10 +2,10 @@
 
     torque(t - delay) - sensor = J q'' + b q' + M_fric(q; M_C, c_fric) + offset
 
-with the rate-independent Dahl friction (Eq. 15, exact). Written as torque - sensor = ... + delay d(torque)/dt all but the
-friction's travel M_C / c_fric is linear; that is searched. All signals pass the same zero-phase band limit, and only
-moments in which the motor turns are fitted: at rest friction holds any torque within its level. The standard errors are
-a jackknife's over time blocks (drive_fit.py), with Student's t of blocks - 1 for the intervals.
+with the rate-independent Dahl friction (Eq. 15, exact). Written as torque - sensor = ... + delay d(torque)/dt all but
+the friction's travel M_C / c_fric is linear; that is searched. All signals pass the same zero-phase band limit, and
+only moments in which the motor turns are fitted: at rest friction holds any torque within its level. The standard
+errors are a jackknife's over time blocks (drive_fit.py), with Student's t of blocks - 1 for the intervals.
 
 Without a torque sensor J, b and friction are those of rotor and wheel together, and all of them in the drive's own N m:
 a drive that gives 5 % more than it is told has an inertia that is 5 % too small here, and nothing tells.
@@ -67,7 +67,7 @@ class RigFit:
         return self
 
     def components(self, run: Run) -> dict[str, FloatArray]:
-        """Parts of the torque along a run, each [n] in N m, their sum ``model``, ``measured``, ``time``, ``sliding``."""
+        """Parts of the torque along a run, each [n] in N m, their sum ``model``, ``measured``, time, ``sliding``."""
         table, torque, sliding = self._table(run, self.travel_)
         theta = np.array([self.params_[name] for name in TERMS])
         theta[DELAY] += 0.5 * run.dt
@@ -98,12 +98,13 @@ class RigFit:
         angle, rate, acceleration = motion(run.channels[ANGLE], run.dt, self.band_Hz_)
         command = band_limited(run.channels[TORQUE], run.dt, self.band_Hz_)
         friction = band_limited(dahl_shape(run.channels[ANGLE], travel), run.dt, self.band_Hz_).signal()
-        table = np.column_stack([acceleration, rate, friction, np.ones_like(rate), command.rate().signal()])
-        torque = command.signal()
+        regressors = [acceleration, rate, friction, np.ones_like(rate), command.rate().signal()]
+        table: FloatArray = np.column_stack(regressors).astype(float)
+        torque = np.asarray(command.signal(), dtype=np.float64)
         if SENSOR in run.channels:
-            torque = torque - band_limited(run.channels[SENSOR], run.dt, self.band_Hz_).signal()
+            torque -= band_limited(run.channels[SENSOR], run.dt, self.band_Hz_).signal()
         margin = min(round(SETTLE_S / run.dt), angle.size // 5)  # what lies beyond an end of the log is not known
-        counts = np.abs(rate) > SLIDING_RATE
+        counts: np.ndarray = np.abs(rate) > SLIDING_RATE
         counts[:margin] = counts[angle.size - margin :] = False
         return table, torque, counts
 

@@ -44,7 +44,7 @@ def campaign_as_mf4(folder: Path, target: Path) -> list[Path]:
         _write_run(asammdf, folder / run["file"], target / file, declared["name"])
         entries.append(RunEntry(file, run.get("manoeuvre", ANYTHING), run.get("speed_kmh"), run.get("role", "auto")))
         written.append(target / file)
-    tables = {name: declared[name] for name in ("vehicle", "steering", "rig") if name in declared}
+    tables: dict[str, Any] = {name: declared[name] for name in ("vehicle", "steering", "rig") if name in declared}
     text = toml_text(declared["name"], declared["kind"], tables, entries)
     (target / "campaign.toml").write_text(text, encoding="utf-8", newline="\n")
     return written

@@ -42,8 +42,8 @@ def write_rig_report(campaign: Campaign, fit: RigFit, path: str | Path) -> Path:
     report.section("Parameters").table(
         ["parameter", "unit", "value", "standard error", "95 % from", "to"],
         [[name, unit, fit.params_[name], fit.std_[name], *fit.interval_[name]] for name, unit in UNITS.items()],
-        f"Motion up to {fit.band_Hz_:.0f} Hz. Standard errors: jackknife over time blocks. They hold what scatters, not "
-        "what the model lacks (cogging, unbalance, a curved torque): 'steer-env gap' looks for that.",
+        f"Motion up to {fit.band_Hz_:.0f} Hz. Standard errors: jackknife over time blocks. They hold what scatters, "
+        "not what the model lacks (cogging, unbalance, a curved torque): 'steer-env gap' looks for that.",
     )
     errors = fit.held_out_
     report.text(

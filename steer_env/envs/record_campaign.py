@@ -120,8 +120,8 @@ class RecordCampaign(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.Reco
     """Write each episode as a run of a campaign in ``folder``, for ``steer-env identify`` and ``gap``.
 
     ``kind`` is "vehicle" or "rig"; None: "rig" on a rig, else "vehicle". Two attributes hold for the next episode:
-    ``manoeuvre``, what the campaign calls it where that is not the task's, and ``role`` ("identify", "validate", "auto":
-    the reader holds one of three repeats out). A killed program loses the last tenth of a second.
+    ``manoeuvre``, what the campaign calls it where that is not the task's, and ``role`` ("identify", "validate" or
+    "auto": the reader holds one of three repeats out). A killed program loses the last tenth of a second.
 
     Raises InputError where a campaign is there already, or the environment is not of that kind.
     """
@@ -138,9 +138,10 @@ class RecordCampaign(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.Reco
         if self.kind not in KINDS:
             raise InputError("RecordCampaign", f"there is no kind {kind!r}", f"give one of {', '.join(KINDS)}")
         self.manoeuvre, self.role = manoeuvre, "auto"
-        self._named = name or (env.spec.id if env.spec is not None else type(inside).__name__)
+        self._named = name or (inside.spec.id if inside.spec is not None else type(inside).__name__)
         self._folder, self._before = Path(folder), {}  # type: Path, Info
         self._row: Kind | None = None
+        self._time = math.nan  # s, of the last measurement on a rig
         self.campaign: CampaignFile | None = None
         refuse_recorded(self._folder)  # now, not when a motor waits
 
@@ -164,8 +165,8 @@ class RecordCampaign(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.Reco
         observation, reward, terminated, truncated, info = self.env.step(action)
         assert self._row is not None, "the environment lets no step come before a reset"
         if self.real:
-            time, values = info["rig"]["host_time"], self._row.values(info)
-            if time - self._time > GAP:
+            time, values = info["rig"]["arrival_time"], self._row.values(info)
+            if abs(time - self._time) > GAP:
                 self._begin()
         else:
             time, values = self._before["time"], self._row.values({**self._before, "command": info["command"]})
@@ -193,7 +194,7 @@ class RecordCampaign(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.utils.Reco
         columns = ("time_s", *self._row.columns)
         self.campaign.begin(columns, self.manoeuvre or task.manoeuvre, self._speed, self.role)
         held = [k for k, name in enumerate(self._row.columns) if name == COMMAND]
-        self._even, self._time = EvenRows(PERIOD, held), math.inf
+        self._even, self._time = EvenRows(PERIOD, held), math.nan
 
 
 def car_of(env: Any) -> Reference:

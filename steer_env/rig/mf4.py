@@ -23,12 +23,13 @@ _DATA = (("DataBytes", "(64,)u1"), ("Dir", "<u1"), ("EDL", "<u1"), ("BRS", "<u1"
 _REMOTE = (("Dir", "<u1"),)
 
 
-def as_mf4(out: Path, log: Path, dbc: Path | None = None) -> list[Path]:
-    """Write OUT/mf4: the log's frames, and the runs of the campaign in OUT, if there is one. Returns the files."""
+def as_mf4(out: Path, log: Path, dbc: Path | None = None, campaign: bool = False) -> list[Path]:
+    """Write OUT/mf4: a log's frames and, with ``campaign``, the runs of the one in OUT, if any. Returns the files."""
     require_asammdf(f"{out / 'mf4'}")
     with atomic.folder(out / "mf4") as staging:
         write_frames(staging / f"{log.stem}.mf4", read_log(log), dbc)
-        campaign_as_mf4(out, staging)
+        if campaign:
+            campaign_as_mf4(out, staging)
     return sorted((out / "mf4").rglob("*.mf4"))
 
 

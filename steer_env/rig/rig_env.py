@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 from dataclasses import replace
 from typing import Any
@@ -137,6 +138,10 @@ class RigEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._scales[:] = scales_of(self.task.causality, self.motor.rated_torque)
         batch.start_batch(*self._rows, self._setup.table, self._setup.car_table)
         self._compile()
+        if self.connection.interface != "stepped":
+            # A full collection of a program with compiled code takes tens of ms. What lives now is not looked at again.
+            gc.collect()
+            gc.freeze()
         self._start_drive()
         self._period = 0
         self._observation[:] = self._truth[:] = 0.0

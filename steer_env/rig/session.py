@@ -18,6 +18,7 @@ from typing import Any
 
 from steer_env.errors import RigError
 from steer_env.plants import Plant
+from steer_env.rig.arrival import Arrival
 from steer_env.rig.bus import Link
 from steer_env.rig.frame import Frame, Received
 from steer_env.rig.gauge import Gauge, Reading
@@ -64,6 +65,7 @@ class RigSession:
         self.late, self.skipped, self.round_trip = 0.0, 0, math.nan
         self.rejected, self.foreign = 0, 0
         self._gauge = Gauge(plant, PERIOD)
+        self._arrival, self._arrived = Arrival(), math.nan
         self._refused = LeakyScore()
         self._intact = True
         self._new_status = False
@@ -174,12 +176,16 @@ class RigSession:
         return f"drive {self.status.state}{faults}, {detail}{heard}; bus {bus}; {self.safety.state.value}"
 
     def report(self) -> dict[str, Any]:
-        """What only a rig has, for ``info``: SI; times on the link's clock, ``device_time`` on the interface's."""
+        """What only a rig has, for ``info``: SI; times on the link's clock, ``device_time`` on the interface's.
+
+        ``host_time`` is when the measurement was read, ``arrival_time`` when it came.
+        """
         health, reading = self.link.health(), self.reading
         received = math.nan if reading is None else reading.host_time
         return {
             "sample_age": self.link.now() - received,
             "host_time": received,
+            "arrival_time": self._arrived,
             "device_time": math.nan if reading is None else reading.device_time,
             "sensor_torque": self._gauge.sensor_torque,
             "round_trip": self.round_trip,
@@ -246,13 +252,14 @@ class RigSession:
 
     def _take(self, received: Received) -> None:
         frame = received.frame
-        self._tell(frame, received.host_time, False)
+        arrived = self._arrival.of(received)
+        self._tell(frame, arrived, False)
         if frame.key in self.motor.command_identifiers:
             self.foreign += 1
             return
         for message in self.motor.decode(frame):
             if isinstance(message, Sample):
-                self.reading = self._gauge.take(message, received, self.applied)
+                self.reading, self._arrived = self._gauge.take(message, received, self.applied), arrived
                 if not self._fresh:
                     self._fresh, self.round_trip = True, received.host_time - self._sent_at
             elif isinstance(message, DriveStatus):
