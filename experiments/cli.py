@@ -62,7 +62,7 @@ class Program(TableGroup):
             if error.errno == errno.EPIPE:
                 raise  # the reader of our stdout left; click ends quietly
             if error.errno in _USERS_DISK:
-                _stop(ctx, BAD_INPUT, f"{error.filename}: {error.strerror}", error)
+                _stop(ctx, BAD_INPUT, f"{error.filename or 'what is written'}: {error.strerror}", error)
             _stop(ctx, FAULT, _fault(error), error)
         except Exception as error:
             _stop(ctx, FAULT, _fault(error), error)

@@ -15,6 +15,8 @@ import click
 import numpy as np
 
 from experiments.cli_options import print_json, print_table
+from steer_env import atomic
+from steer_env.errors import RigError
 
 # Trips that come of a computer that did not run us in time.
 LATE = (
@@ -24,8 +26,8 @@ LATE = (
     "the watchdog has dropped the drive",
 )
 BUSY = (
-    "This computer does not keep the pace of 1 ms: end other programs, or measure it by 'python -m "
-    "experiments.rig_timing'. With a virtual motor --patience 10 lets it be late."
+    "Unless the motor fell silent, this computer does not keep the pace of 1 ms: end other programs, or measure it by "
+    "'python -m experiments.rig_timing'. A virtual motor bears more: --patience 10."
 )
 COMPLETE = "end of the manoeuvre"
 
@@ -80,7 +82,12 @@ def play(env: Any, law: Any, seed: int, label: str, quiet: bool) -> Played:
 
     inside: Any = env.unwrapped
     rows, late = [], []
-    _, info = env.reset(seed=seed)
+    try:
+        _, info = env.reset(seed=seed)
+    except RigError as error:
+        if any(reason in str(error) for reason in LATE):
+            raise RigError(f"{error}. {BUSY}") from error
+        raise
     law.reset(inside.session.pacer.period)
     while not info["ended"]:
         *_, info = env.step(inside.action_for(law(info["observation"])))
@@ -94,6 +101,14 @@ def play(env: Any, law: Any, seed: int, label: str, quiet: bool) -> Played:
     error = signals[:, Truth._fields.index("error")]
     overruns = info["rig"]["overruns"]
     return Played(info["ended"], float(np.sqrt(np.mean(error * error))), np.array(late), overruns, signals)
+
+
+def write_signals(path: Path, played: Played) -> None:
+    """What ``info`` said in each period (fields of ``Truth``, SI), reference and error among it."""
+    from steer_env.envs.layout import Truth
+
+    lines = [",".join(Truth._fields), *(",".join(f"{value:.9g}" for value in row) for row in played.signals)]
+    atomic.write_text(path, "\n".join(lines) + "\n")
 
 
 def report(ctx: click.Context, played: Sequence[Played], rig: Recorded, as_json: bool) -> None:

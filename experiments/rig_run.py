@@ -37,12 +37,12 @@ def command(
 ) -> None:  # fmt: skip
     """Run a controller on a motor: the wheel shall feel like the reference.
 
-    Every frame goes to OUT/rig.blf and rig.log, and each episode becomes a run of a campaign in OUT, for 'identify' and
-    'gap'. Exit status 1 if the rig trips. --interface stepped is a virtual motor in this process, driven by a virtual
+    Every frame goes to OUT/rig.blf and rig.log; each episode becomes a run of a campaign in OUT, for 'identify' and
+    'gap', and signals_N.csv, with reference and tracking error. Exit status 1 if the rig trips. --interface stepped is a virtual motor in this process, driven by a virtual
     arm, on a clock of its own.
     """
     import controllers
-    from experiments.rig_episodes import play, recorded, report
+    from experiments.rig_episodes import play, recorded, report, write_signals
 
     del jobs
     options = {
@@ -58,6 +58,7 @@ def command(
         for k in range(repeats):
             unlocked(inside, CONFIRM, arm, yes or k > 0)
             played.append(play(rig.env, law, seed + k, f"{k + 1} of {repeats}", quiet))
+            write_signals(rig.campaign.with_name(f"signals_{k + 1}.csv"), played[-1])
             if played[-1].ended.startswith("tripped"):
                 break
     report(ctx, played, rig, as_json)

@@ -110,7 +110,7 @@ class RigSession:
                 self._send(self.motor.bring_up(self.status))
             if self.link.now() > until:
                 self.stop("the drive does not come up")
-                raise RigError(f"the drive does not come up in {timeout:g} s: {self.describe()}")
+                raise RigError(f"the drive does not come up in {timeout:g} s: {self.describe()}{self._silence()}")
 
     def arm(self, timeout: float = 1.0) -> None:
         """Do the second act after ``bring_up``: RigError where cycles are not healthy for long enough."""
@@ -174,6 +174,15 @@ class RigSession:
         heard = "" if self.reading else ", no measurement came"
         bus, detail = self.link.health().state, self.status.detail
         return f"drive {self.status.state}{faults}, {detail}{heard}; bus {bus}; {self.safety.state.value}"
+
+    def _silence(self) -> str:
+        """What to look at where nobody ever answered."""
+        if self.reading is not None or self.status is not NO_STATUS:
+            return ""
+        return (
+            f". Nothing on this bus answers as {self.motor.name}: is the drive on (or 'steer-env rig virtual' running), and "
+            "are motor, channel, port, bit rate and node right?"
+        )
 
     def report(self) -> dict[str, Any]:
         """What only a rig has, for ``info``: SI; times on the link's clock, ``device_time`` on the interface's.

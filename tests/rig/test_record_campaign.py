@@ -224,7 +224,7 @@ def test_mf4_holds_the_same_campaign(tmp_path):
 
 @pytest.mark.parametrize(("motor", "options"), [("senso_wheel", {}), ("moteus", {"rated_torque": 7.5})])
 def test_mf4_holds_the_same_frames(motor, options, tmp_path):
-    """Read back by python-can, which knows nothing of our writer: identifiers, data, direction, times to a microsecond."""
+    """Read back by python-can, which knows nothing of our writer: identifiers, data, direction, time to 1 us."""
     pytest.importorskip("asammdf", reason="the extra [formats] is not installed")
     with Recorder(tmp_path) as recorder:
         tap = recorder.frame
