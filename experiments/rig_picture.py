@@ -31,7 +31,8 @@ def main(campaign: Path, picture: Path) -> None:
     part = fit.components(sweep)
     shown = (part["time"] >= SHOWN[0]) & (part["time"] <= SHOWN[1])
     left.plot(part["time"][shown], part["measured"][shown], color=DATA, linewidth=3.0, label="commanded")
-    left.plot(part["time"][shown], part["model"][shown], color=PALETTE[1], linewidth=1.2, label="J q'' + b q' + friction")
+    label = "J q'' + b q' + friction"
+    left.plot(part["time"][shown], part["model"][shown], color=PALETTE[1], linewidth=1.2, label=label)
     left.set_title("a sweep that was held out", fontsize=10)
     left.set_xlabel("time / s", fontsize=9)
 

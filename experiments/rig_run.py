@@ -38,8 +38,8 @@ def command(
     """Run a controller on a motor: the wheel shall feel like the reference.
 
     Every frame goes to OUT/rig.blf and rig.log; each episode becomes a run of a campaign in OUT, for 'identify' and
-    'gap', and signals_N.csv, with reference and tracking error. Exit status 1 if the rig trips. --interface stepped is a virtual motor in this process, driven by a virtual
-    arm, on a clock of its own.
+    'gap', and signals_N.csv, with reference and tracking error. Exit status 1 if the rig trips. --interface stepped is
+    a virtual motor in this process, driven by a virtual arm, on a clock of its own.
     """
     import controllers
     from experiments.rig_episodes import play, recorded, report, write_signals

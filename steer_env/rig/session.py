@@ -180,8 +180,8 @@ class RigSession:
         if self.reading is not None or self.status is not NO_STATUS:
             return ""
         return (
-            f". Nothing on this bus answers as {self.motor.name}: is the drive on (or 'steer-env rig virtual' running), and "
-            "are motor, channel, port, bit rate and node right?"
+            f". Nothing on this bus answers as {self.motor.name}: is it on (or 'steer-env rig virtual' running), "
+            "and are motor, channel, port, bit rate and node right?"
         )
 
     def report(self) -> dict[str, Any]:

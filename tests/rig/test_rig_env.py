@@ -252,12 +252,43 @@ def test_a_real_rig_is_locked_until_somebody_unlocks_it():
         ({"watchdog": True}, "watchdog"),
         ({"torque_cap": 1.0, "limits": Limits()}, "limits are given too"),
         ({"torque_cap": 8.0}, "rating"),
+        ({"patience": 0.5}, "patience"),
+        ({"patience": 11.0}, "patience"),
         ({"colour": "red"}, "there is no option 'colour'"),
     ],
 )
 def test_what_cannot_be_is_told_before_a_bus_is_opened(options, complaint):
     with pytest.raises(InputError, match=complaint):
         rig(**options)
+
+
+def test_patience_lets_cycles_be_late_and_raises_no_torque():
+    """Three cycles in four 3 ms late: too much for the default, nothing for a patient rig; no other limit moves."""
+    ended, limits = {}, {}
+    for patience in (1.0, 5.0):
+        env = rig(patience=patience)
+        env.reset(seed=0)
+        session = env.unwrapped.session
+        receive, held_up = session.link.receive, []
+
+        def late(timeout):
+            if held_up:
+                virtual_of(env).advance(held_up.pop())  # somebody else has the processor
+            return receive(timeout)
+
+        session.link.receive = late
+        for k in range(40):
+            if k % 4:
+                held_up.append(3e-3)
+            _, _, _, over, info = env.step(np.zeros(1, np.float32))
+            if over:
+                break
+        ended[patience], limits[patience] = info["ended"], session.safety.limits
+        env.close()
+    assert "late" in ended[1.0] or "stale" in ended[1.0]
+    assert ended[5.0] == ""
+    changed = {name for name in Limits._fields if getattr(limits[1.0], name) != getattr(limits[5.0], name)}
+    assert changed == {"stale_after", "longest_cycle"}
 
 
 def test_it_draws_nothing():
