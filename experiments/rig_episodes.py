@@ -84,9 +84,9 @@ def play(env: Any, law: Any, seed: int, label: str, quiet: bool) -> Played:
     rows, late = [], []
     try:
         _, info = env.reset(seed=seed)
-    except RigError as error:
-        if any(reason in str(error) for reason in LATE):
-            raise RigError(f"{error}. {BUSY}") from error
+    except RigError as refused:
+        if any(reason in str(refused) for reason in LATE):
+            raise RigError(f"{refused}. {BUSY}") from refused
         raise
     law.reset(inside.session.pacer.period)
     while not info["ended"]:
