@@ -12,7 +12,7 @@ import click
 from experiments.cli_options import debug_option
 from experiments.cli_table import Entry, TableGroup
 from steer_env import __version__
-from steer_env.errors import InputError
+from steer_env.errors import InputError, RigError
 
 FAULT, BAD_INPUT, INTERRUPTED = 1, 2, 130
 # What the user can mend although Python, not we, noticed it.
@@ -54,13 +54,15 @@ class Program(TableGroup):
             raise  # click's own: usage errors (2), --help
         except InputError as error:
             _stop(ctx, BAD_INPUT, str(error), error)
+        except RigError as error:
+            _stop(ctx, BAD_INPUT, str(error), error)
         except (KeyboardInterrupt, click.Abort) as error:
             _stop(ctx, INTERRUPTED, "interrupted; partial results kept", error)
         except OSError as error:
             if error.errno == errno.EPIPE:
                 raise  # the reader of our stdout left; click ends quietly
             if error.errno in _USERS_DISK:
-                _stop(ctx, BAD_INPUT, f"{error.filename}: {error.strerror}", error)
+                _stop(ctx, BAD_INPUT, f"{error.filename or 'what is written'}: {error.strerror}", error)
             _stop(ctx, FAULT, _fault(error), error)
         except Exception as error:
             _stop(ctx, FAULT, _fault(error), error)

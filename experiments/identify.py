@@ -1,7 +1,8 @@
 """steer-env identify: a measurement campaign becomes a haptic reference.
 
 Writes reference.json (docs/formats.md, section 2) and report.html; with both modes also reference_shared.json. A drive
-(kind = "drive") gives drive.json and a report instead, because it has no torsion bar, no rack force and no vehicle.
+(kind = "drive") gives drive.json and a report instead, because it has no torsion bar, no rack force and no vehicle; a
+motor on a bench (kind = "rig") gives rig.json.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ import click
 from experiments.cli_options import common_options, print_json, print_table, progress
 from experiments.report.with_error import with_error
 from steer_env import __version__, atomic
-from steer_env.errors import InputError
 
 SHOWN = ("C_f", "C_r", "n_t", "J_z", "J_ref", "b_ref", "k_gain", "c_pin_on", "c_pin_off", "M_fric_C")
 
@@ -52,7 +52,10 @@ def command(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Turn the measurement CAMPAIGN (a folder or its campaign.toml) into a haptic reference."""
+    """Turn the measurement CAMPAIGN (a folder or its campaign.toml) into a haptic reference.
+
+    A campaign of kind drive or rig has no vehicle; it gives the parameters of the steering, or of a motor on a bench.
+    """
     from identification.campaign import read_campaign
 
     del seed  # nothing here is random
@@ -60,11 +63,7 @@ def command(
     if read.kind == "drive":
         _drive(read, out, as_json)
     elif read.kind == "rig":
-        raise InputError(
-            f"{campaign}: kind",
-            "a rig campaign has no vehicle, so there is no haptic reference in it",
-            "run 'steer-env gap' on it to find what the bench's own model misses",
-        )
+        _rig(read, out, as_json)
     else:
         _vehicle(read, mode, slip, not no_lags, out, jobs, quiet, as_json)
 
@@ -87,6 +86,27 @@ def _drive(campaign: Any, out: Path, as_json: bool) -> None:
     held_out = ", ".join(f"{name} {rms:.3g}" for name, rms in document["held_out_rms_Nm"].items())
     click.echo(f"error on left-out blocks in N m: {held_out}")
     click.echo(f"{out / 'drive.json'}")
+    click.echo(f"{out / 'report.html'}")
+
+
+def _rig(campaign: Any, out: Path, as_json: bool) -> None:
+    """Inertia, damping, friction and delay of a motor on a bench."""
+    from experiments.report.rig import write_rig_report
+    from identification.rig import RigFit
+
+    fit = RigFit().fit(campaign)
+    document = fit.document(campaign)
+    with atomic.folder(out) as folder:
+        atomic.write_text(folder / "rig.json", json.dumps(document, indent=1) + "\n")
+        write_rig_report(campaign, fit, folder / "report.html")
+    if as_json:
+        print_json(document)
+        return
+    rows = [[name, fit.params_[name], fit.std_[name], *fit.interval_[name]] for name in fit.params_]
+    print_table(("parameter", "value", "standard error", "95 % from", "to"), rows, title=f"rig: {campaign.name}")
+    errors = ", ".join(f"{name} {rms:.3g}" for name, rms in fit.held_out_.items())
+    click.echo(f"error on held-out samples in N m: {errors}")
+    click.echo(f"{out / 'rig.json'}")
     click.echo(f"{out / 'report.html'}")
 
 

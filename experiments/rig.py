@@ -9,6 +9,7 @@ SUBCOMMANDS = {
     "configure": Entry("experiments.rig_configure:command", "Set a CANopen drive up: PDO map, mode, torque limit."),
     "check": Entry("experiments.rig_check:command", "Walk through bus, motor, calibration, timing and limits."),
     "run": Entry("experiments.rig_run:command", "Run a controller on the motor."),
+    "excite": Entry("experiments.rig_excite:command", "Turn a free wheel by torques that tell its parameters."),
     "record": Entry("experiments.rig_record:command", "Log what passes on a bus; nothing is sent."),
     "replay": Entry("experiments.rig_replay:command", "Play a log back into the decoders."),
 }

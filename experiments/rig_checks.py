@@ -11,12 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.errors import RigError
 from steer_env.plants import PLANTS
 from steer_env.rig.bus import Link
 from steer_env.rig.motors.motor import DriveStatus, Motor, Sample
 from steer_env.rig.safety import State
 from steer_env.rig.safety_limits import limits_for
-from steer_env.rig.session import RigError, RigSession
+from steer_env.rig.session import RigSession
 from steer_env.rig.watchdog import STALL, Watchdog
 
 CAP = 0.5  # N m that a check uses at most: moves a free wheel, holds none against a hand

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
+from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from steer_env.errors import InputError
 from steer_env.rig.motors import MOTORS
@@ -21,6 +24,40 @@ def bus_options(function: Callable[..., Any]) -> Callable[..., Any]:
     for option in reversed(_OPTIONS):
         function = option(function)
     return function
+
+
+def arm_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --torque-cap, --patience, --no-watchdog, --mf4, --arm, --yes of the commands that give torque.
+
+    The command receives torque_cap (float or None), patience (float), no_watchdog, mf4, arm and yes (bool).
+    """
+    for option in reversed(_ARM_OPTIONS):
+        function = option(function)
+    return function
+
+
+def unlocked(env: Any, question: str, arm: bool, yes: bool) -> None:
+    """Unlock a ``RigEnv`` if --arm was given and the question, with {cap} in N m, is answered by ARM.
+
+    Raises InputError otherwise, but for the virtual motor of this process, which can hurt nobody.
+    """
+    connection = env.connection
+    if connection.interface == "stepped":
+        return
+    if not arm:
+        raise InputError("rig", "is locked, and nothing was sent", "add --arm when hands are clear of the wheel")
+    cap = connection.limits_of(connection.codec()).torque_cap
+    if not yes and click.prompt(question.format(cap=cap), default="", show_default=False, err=True) != "ARM":
+        raise InputError("rig", "is locked, and nothing was sent", "answer ARM when hands are clear of the wheel")
+    env.unlock()
+
+
+def fresh(ctx: click.Context, out: Path) -> Path:
+    """The folder of --out; where it was not given and holds a recording already, the next one with a number."""
+    if ctx.get_parameter_source("out") is not ParameterSource.DEFAULT:
+        return out
+    numbered = (out if k == 1 else out.with_name(f"{out.name}_{k}") for k in count(1))
+    return next(folder for folder in numbered if not folder.exists() or not any(folder.iterdir()))
 
 
 def _settings(ctx: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> dict[str, Any]:
@@ -64,4 +101,17 @@ _OPTIONS = (
         "--port", type=click.IntRange(1024, 65535), default=43113, show_default=True, metavar="N",
         help="UDP port of udp_multicast.",
     ),
+)  # fmt: skip
+_ARM_OPTIONS = (
+    click.option(
+        "--torque-cap", type=float, default=None, metavar="NM", help="[default: 2 N m, or the drive's rating]"
+    ),
+    click.option(
+        "--patience", type=float, default=1.0, show_default=True, metavar="FACTOR",
+        help="On how late a cycle, a measurement or a beat may be: up to 10, for virtual motors on a busy computer.",
+    ),
+    click.option("--no-watchdog", is_flag=True, help="For a bus that only one process can open."),
+    click.option("--mf4", is_flag=True, help="Frames and runs also as MF4, in OUT/mf4 ('steer-env[formats]')."),
+    click.option("--arm", is_flag=True, help="Without it nothing is sent; asks once more."),
+    click.option("--yes", is_flag=True, help="The answer to that question, for virtual motors and scripts."),
 )  # fmt: skip

@@ -20,6 +20,7 @@ from steer_env.rig.motors import MOTORS
 @click.option("--dbc", type=click.Path(path_type=Path), default=None, help="Decode by this file instead.")
 @click.option("--campaign", is_flag=True, help="Write a campaign of kind rig, for identify and gap, to --out.")
 @click.option("--manoeuvre", default="free", show_default=True, metavar="NAME", help="What was driven.")
+@click.option("--mf4", is_flag=True, help="Write the frames, and the campaign's runs, as MF4 to OUT/mf4.")
 @common_options
 def command(
     log: Path,
@@ -28,6 +29,7 @@ def command(
     dbc: Path | None,
     campaign: bool,
     manoeuvre: str,
+    mf4: bool,
     out: Path,
     seed: int,
     jobs: int,
@@ -38,9 +40,12 @@ def command(
 
     Prints, per identifier, how many frames there were, how regular they came, and how many could not be believed.
     """
+    from steer_env.campaign_mf4 import require_asammdf
     from steer_env.rig.campaign import write_campaign
     from steer_env.rig.log_file import read_log
+    from steer_env.rig.mf4 import as_mf4
     from steer_env.rig.motors import make
+    from steer_env.rig.motors.dbc import dbc_of
     from steer_env.rig.replay import DbcDecoder, Decoder, MotorDecoder, replay
 
     del seed, jobs
@@ -48,6 +53,8 @@ def command(
         raise click.UsageError("Give either --motor or --dbc.")
     if campaign and motor is None:
         raise click.UsageError("--campaign needs --motor.")
+    if mf4:
+        require_asammdf("--mf4")
     decoder: Decoder = DbcDecoder(dbc) if dbc is not None else MotorDecoder(make(str(motor), **settings))
     read = read_log(log)
     found = replay(read.frames, decoder)
@@ -77,6 +84,8 @@ def command(
     if campaign and motor is not None:
         written = write_campaign(out, read, make(motor, **settings), log.stem, manoeuvre)
         result["campaign"] = {"folder": str(out), "runs": [run._asdict() for run in written]}
+    if mf4:
+        result["mf4"] = [str(path) for path in as_mf4(out, log, dbc or dbc_of(str(motor)), campaign)]
     if as_json:
         print_json(result)
         return
@@ -88,6 +97,8 @@ def command(
         click.echo("the log ends in the middle of a frame; all before it was read", err=True)
     for run in result.get("campaign", {}).get("runs", []):
         click.echo(f"{out / run['file']}  {run['seconds']:.1f} s")
+    for written in result.get("mf4", []):
+        click.echo(written)
 
 
 def _rounded(value: float) -> float | None:

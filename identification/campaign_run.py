@@ -9,8 +9,9 @@ from identification import campaign_physics as physics
 from identification import campaign_values as values
 from identification.campaign_table import Table, open_table
 from identification.campaign_time import check_time, make_even
-from identification.campaign_toml import SHORTEST, Declaration, DeclaredRun
+from identification.campaign_toml import Declaration, DeclaredRun
 from identification.channels import KIND_CHANNELS, ChannelMap, FloatArray, refuse_near_misses
+from steer_env.campaign_file import SHORTEST
 from steer_env.errors import InputError
 from steer_env.plants.checked import listed
 from steer_env.units import to_kmh

@@ -6,28 +6,15 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from identification.channels import KIND_CHANNELS, ChannelMap, read_channel_maps
+from steer_env.campaign_file import SCHEMA_VERSION, SHORTEST
 from steer_env.errors import InputError
 from steer_env.plants import checked
 from steer_env.plants.reference_file import read_fields, read_vehicle
 from steer_env.plants.reference_row import KnownVehicle
 from steer_env.units import Quantity, from_kmh
 
-SCHEMA_VERSION = 1
 LIMIT_BYTES = 1_000_000
 ROLES = ("identify", "validate", "auto")
-
-# Shortest useful run of each manoeuvre in s, and why.
-SHORTEST: dict[str, tuple[float, str]] = {
-    "frequency_response": (10.0, "steps I and II need at least four lines between 0.2 and 0.5 Hz"),
-    "steady_state": (10.0, "two periods of 0.2 Hz: one to settle, one to read the loop from"),
-    "constant_speed_cornering": (5.0, "the wheel must be turned slowly enough to be quasi-static"),
-    "on_centre_weave": (10.0, "two periods of 0.2 Hz: one to settle, one to read the loop from"),
-    "step_steer": (2.0, "the yaw response must settle"),
-    "release": (2.0, "the free oscillation must decay"),
-    "standstill": (5.0, "the wheel must be turned there and back"),
-    "torque_sweep": (5.0, "the sweep must reach low frequencies"),
-    "free": (5.0, "a few movements of the wheel must be in it"),
-}
 
 
 class KnownSteering(NamedTuple):

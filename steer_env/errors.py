@@ -1,4 +1,4 @@
-"""The one error for input that a user can mend."""
+"""The errors that are no fault of ours: input that a user can mend, and a rig that does not obey."""
 
 
 class InputError(Exception):
@@ -19,3 +19,7 @@ class InputError(Exception):
         """One line: where, what is wrong, the mend."""
         where, what, mend = (" ".join(str(part).split()).rstrip(".") for part in self.args)
         return f"{where}: {what}. To mend it: {mend}."
+
+
+class RigError(RuntimeError):
+    """The rig does not do what was asked of it; it has no torque."""

@@ -18,6 +18,8 @@ ALLOWED = {
     "steer_env.errors": set(),
     "steer_env.atomic": set(),
     "steer_env.units": BASICS,
+    "steer_env.campaign_file": BASICS,
+    "steer_env.campaign_mf4": BASICS | {"steer_env.campaign_file"},
     "steer_env.interface": BASICS | {"steer_env.units", "steer_env.physics"},
     "steer_env.physics": BASICS | {"steer_env.units"},
     "steer_env.plants": BASICS | {"steer_env.units", "steer_env.physics"},
@@ -27,6 +29,7 @@ ALLOWED = {
     | {"steer_env", "steer_env.units", "steer_env.physics", "steer_env.manoeuvres"},
     "steer_env.envs": BASICS
     | {
+        "steer_env.campaign_file",
         "steer_env.units",
         "steer_env.interface",
         "steer_env.physics",
@@ -34,7 +37,14 @@ ALLOWED = {
         "steer_env.manoeuvres",
     },
     "steer_env.rig": BASICS
-    | {"steer_env.units", "steer_env.interface", "steer_env.physics", "steer_env.plants"},
+    | {
+        "steer_env.campaign_file",
+        "steer_env.campaign_mf4",
+        "steer_env.units",
+        "steer_env.interface",
+        "steer_env.physics",
+        "steer_env.plants",
+    },
     # The environment on a motor is the environment: it shares the task, the layout, the control unit and the reward
     # of those in simulation. The rest of the rig (codec, safety, watchdog, virtual motor) knows none of them.
     **{
@@ -54,7 +64,7 @@ ALLOWED = {
     "controllers": BASICS
     | {"steer_env.units", "steer_env.interface", "steer_env.physics", "steer_env.plants"},
     "identification": BASICS
-    | {"steer_env", "steer_env.units", "steer_env.physics", "steer_env.plants"},
+    | {"steer_env", "steer_env.campaign_file", "steer_env.units", "steer_env.physics", "steer_env.plants"},
 }
 # What is identified from the test car may not be built into it.
 NOT_EVEN = {"steer_env.testcar": {"steer_env.physics.reference", "steer_env.physics.assist"}}
@@ -62,6 +72,7 @@ LEAF = "experiments"  # may import everything; nobody imports it
 # Which rooms alone may import a third-party package, so that the others run without it.
 ONLY_IN = {
     "can": ("steer_env.rig",),
+    "asammdf": ("steer_env.campaign_mf4", "steer_env.rig", "identification"),
     "cantools": ("steer_env.rig",),
     "canopen": ("steer_env.rig",),
     "torch": ("experiments",),

@@ -1,14 +1,17 @@
-"""What the README tells a user to type, typed."""
+"""What README and docs/rig.md tell a user to type, typed."""
 
 import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from experiments.cli import COMMANDS, main
 
-README = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text("utf-8")
+RIG = (ROOT / "docs" / "rig.md").read_text("utf-8")
 
 
 def test_the_environment_example_runs():
@@ -22,9 +25,10 @@ def test_the_environment_example_runs():
     assert abs(names["info"]["error"]) < 5.0
 
 
-def test_every_command_in_the_readme_exists():
+@pytest.mark.parametrize("text", [README, RIG], ids=["README", "rig"])
+def test_every_command_in_the_text_exists(text):
     """Catches a command or an option that was renamed."""
-    lines = re.findall(r"bin/steer-env ([a-z][a-z-]*)([^#\n]*)", README)
+    lines = re.findall(r"bin/steer-env ([a-z][a-z-]*)([^#\n]*)", text)
     assert len(lines) >= 4
     for name, rest in lines:
         assert name in COMMANDS, name

@@ -6,8 +6,6 @@ torque (held until the next command), and where the protocol has them rate and t
 
 from __future__ import annotations
 
-import io
-import json
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import atomic
+from steer_env.campaign_file import ANYTHING, SHORTEST, RunEntry, csv_text, toml_text
 from steer_env.errors import InputError
 from steer_env.rig.log_file import Log
 from steer_env.rig.motors.motor import Motor
@@ -22,7 +21,7 @@ from steer_env.rig.replay import STATES, MotorDecoder, Replayed, aligned, replay
 
 Array = NDArray[np.float64]
 GAP = 0.02  # s without a sample at which a run ends
-SHORTEST = 5.0  # s: shorter stretches are left out, as "free" needs as much
+LONG_ENOUGH = SHORTEST[ANYTHING][0]  # s: shorter stretches are left out
 ON = STATES.index("on")
 # Signals of a motor by the campaign's names; the sensor's torque there resists the motor.
 CHANNELS = {
@@ -48,25 +47,27 @@ def write_campaign(
 
     ``period`` in s is that of the grid; ``manoeuvre`` is what was driven (docs/formats.md).
     """
+    if manoeuvre not in SHORTEST:
+        raise InputError("manoeuvre", f"there is no {manoeuvre!r}", f"give one of {', '.join(SHORTEST)}")
     replayed = replay(log.frames, MotorDecoder(motor))
     spans = stretches(replayed)
     if not spans:
         raise InputError(
             f"log of {motor.name}",
-            f"has no {SHORTEST:g} s in which the drive was on and answered at least every {1e3 * GAP:g} ms",
+            f"has no {LONG_ENOUGH:g} s in which the drive was on and answered at least every {1e3 * GAP:g} ms",
             "check --motor and its settings (node, increments_per_turn), or record a longer run",
         )
-    lines = ["schema_version = 1", f"name = {json.dumps(name)}", 'kind = "rig"', "", "[rig]"]
-    written = []
+    written, runs = [], []
     with atomic.folder(folder) as staging:
         for k, (start, end) in enumerate(spans, 1):
             columns = run_columns(replayed, start, end, period)
             file = f"runs/{manoeuvre}_{k}.csv"
             (staging / "runs").mkdir(exist_ok=True)
             atomic.write_text(staging / file, csv_text(columns))
-            lines += ["", "[[runs]]", f'file = "{file}"', f'manoeuvre = "{manoeuvre}"', 'role = "auto"']
-            written.append(Written(file, float(columns["time_s"][-1])))
-        atomic.write_text(staging / "campaign.toml", "\n".join(lines) + "\n")
+            seconds = float(columns["time_s"][-1])
+            runs.append(RunEntry(file, manoeuvre if seconds >= SHORTEST[manoeuvre][0] else ANYTHING))
+            written.append(Written(file, seconds))
+        atomic.write_text(staging / "campaign.toml", toml_text(name, "rig", {"rig": {}}, runs))
     return written
 
 
@@ -88,7 +89,7 @@ def stretches(replayed: Replayed) -> list[tuple[float, float]]:
             start = k
         ends = start is not None and (k + 1 == times.size or not good[k + 1] or not near[k])
         if start is not None and ends:
-            if times[k] - times[start] >= SHORTEST:
+            if times[k] - times[start] >= LONG_ENOUGH:
                 found.append((float(times[start]), float(times[k])))
             start = None
     return found
@@ -113,13 +114,3 @@ def run_columns(replayed: Replayed, start: float, end: float, period: float) -> 
         column, sign = CHANNELS[name]
         columns[column] = sign * values
     return columns
-
-
-def csv_text(columns: dict[str, Array]) -> str:
-    """Text of a CSV file with a header."""
-    text = io.StringIO()
-    formats = ["%.6f" if name == "time_s" else "%.9g" for name in columns]
-    np.savetxt(
-        text, np.column_stack(list(columns.values())), fmt=formats, delimiter=",", header=",".join(columns), comments=""
-    )
-    return text.getvalue()

@@ -16,9 +16,10 @@ from steer_env.rig.bus import Link, open_bus
 from steer_env.rig.motors.motor import Motor
 from steer_env.rig.safety_limits import Limits, checked_limits, limits_for
 from steer_env.rig.session import RigSession, Tap
-from steer_env.rig.watchdog import Watchdog
+from steer_env.rig.watchdog import STALL, Watchdog
 
 OWN_PROCESS_ONLY = ("stepped", "virtual")  # interfaces that no second process can reach
+MOST_PATIENT = 10.0  # a measurement of 50 ms, a cycle of 100 ms
 
 
 @dataclass
@@ -31,6 +32,8 @@ class Connection:
     torque_cap: N m; None: the default of 2 N m (``Limits``), or the drive's rating if that is less. Rates, window and
         energy grow with it. ``limits`` gives everything by hand instead.
     watchdog: the second process that drops the drive; None: wherever a second process can reach the bus.
+    patience: factor on how late a measurement, a cycle or a beat may be, for a virtual motor on a busy computer; on a
+        real one a torque lasts that much longer when something hangs.
     virtual: options of the stepped ``VirtualMotor`` (seed, faults, noise, imperfections, bitrate, ...).
     tap: told every frame, for recorders.
     """
@@ -44,6 +47,7 @@ class Connection:
     torque_cap: float | None = None
     limits: Limits | None = None
     watchdog: bool | None = None
+    patience: float = 1.0
     virtual: Mapping[str, Any] = field(default_factory=dict)
     tap: Tap | None = None
     wheel: Any = field(default=None, init=False)
@@ -64,6 +68,8 @@ class Connection:
             raise InputError("channel", f"interface {self.interface!r} has none", "give it, such as 'can0'")
         if self.interface != "stepped" and self.virtual:
             raise InputError("virtual", f"interface {self.interface!r} is no virtual motor", "use interface='stepped'")
+        if not 1.0 <= self.patience <= MOST_PATIENT:
+            raise InputError("patience", f"is {self.patience:g}", f"give a factor from 1 to {MOST_PATIENT:g}")
         if self.watchdog and self.interface in OWN_PROCESS_ONLY:
             raise InputError("watchdog", f"no process can reach {self.interface!r}", "leave watchdog away")
         self.limits_of(self.codec())
@@ -75,27 +81,34 @@ class Connection:
     def limits_of(self, motor: Motor) -> Limits:
         """Limits of the safety layer; InputError where the cap is above the drive's rating."""
         if self.limits is not None:
-            return checked_limits(self.limits, motor.rated_torque)
-        cap = min(Limits().torque_cap, motor.rated_torque) if self.torque_cap is None else self.torque_cap
-        return limits_for(cap, motor.rated_torque)
+            limits = checked_limits(self.limits, motor.rated_torque)
+        else:
+            cap = min(Limits().torque_cap, motor.rated_torque) if self.torque_cap is None else self.torque_cap
+            limits = limits_for(cap, motor.rated_torque)
+        return checked_limits(
+            limits._replace(
+                stale_after=self.patience * limits.stale_after, longest_cycle=self.patience * limits.longest_cycle
+            ),
+            motor.rated_torque,
+        )
 
     def open(self, plant: Plant) -> RigSession:
         """Open the bus (or make the virtual motor), start the watchdog, and hand out the session; no torque yet."""
         motor = self.codec()
         limits = self.limits_of(motor)
         if self.interface == "stepped":
-            return RigSession(self._stepped(plant), motor, plant, limits, tap=self.tap)
+            return RigSession(self._stepped(plant), motor, plant, limits, tap=self.tap, patience=self.patience)
         bus: dict[str, Any] = {"interface": self.interface, "channel": self.channel, "port": self.port}
         bus |= {"bitrate": self.bitrate or motor.bitrate, "data_bitrate": motor.data_bitrate}
         link, watchdog = open_bus(**bus), None
         if self.watchdog or (self.watchdog is None and self.interface not in OWN_PROCESS_ONLY):
-            watchdog = Watchdog(self.motor, dict(self.motor_options), bus)
+            watchdog = Watchdog(self.motor, dict(self.motor_options), bus, stall=STALL * self.patience)
             try:
                 watchdog.start()
             except BaseException:
                 link.close()
                 raise
-        return RigSession(link, motor, plant, limits, watchdog, self.tap)
+        return RigSession(link, motor, plant, limits, watchdog, self.tap, self.patience)
 
     def move_hand(self, setup: Setup, time: float) -> None:
         """Let a stepped virtual driver do what the manoeuvre says at a time in s."""

@@ -34,6 +34,7 @@ class Gauge:
         self._motor, self._period = plant.motor, period
         self._driver = DriverTorque(plant)
         self.reading: Reading | None = None
+        self.sensor_torque = math.nan  # N m as a torque sensor last read it; nan where the protocol has none
 
     def restart(self) -> None:
         """Begin anew at the present angle, with a wheel at rest."""
@@ -42,7 +43,7 @@ class Gauge:
 
     def take(self, sample: Sample, received: Received, applied: float) -> Reading:
         """The reading of a sample; ``applied`` is the torque in N m that the drive was last told."""
-        last = self.reading
+        last, self.sensor_torque = self.reading, sample.sensor_torque
         passed = 0.0 if last is None else received.host_time - last.host_time
         dt = self._period * max(round(passed / self._period), 1)
         torque = sample.torque

@@ -25,10 +25,11 @@ class Logged(NamedTuple):
 
 
 class Log(NamedTuple):
-    """Frames by time, and whether the file ended in the middle of one."""
+    """Frames by time, whether the file ended in the middle of one, and the first one's time stamp (Unix time in s)."""
 
     frames: list[Logged]
     torn: bool
+    start: float = 0.0
 
 
 def read_log(path: str | Path) -> Log:
@@ -70,4 +71,4 @@ def read_log(path: str | Path) -> Log:
         raise InputError(f"{path}", "has no frames", "give a log of a bus that was alive")
     frames.sort(key=lambda logged: logged.time)
     first = frames[0].time
-    return Log([logged._replace(time=logged.time - first) for logged in frames], torn)
+    return Log([logged._replace(time=logged.time - first) for logged in frames], torn, max(first, 0.0))

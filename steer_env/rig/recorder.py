@@ -24,7 +24,10 @@ SUFFIXES = ("blf", "log")
 
 
 class Recorder:
-    """Writes FOLDER/NAME.blf and NAME.log; raises InputError if one of them is there already."""
+    """Writes FOLDER/NAME.blf and NAME.log; raises InputError if one of them is there already.
+
+    A recorder that was given no frame leaves no file.
+    """
 
     def __init__(self, folder: str | Path, name: str = "rig", suffixes: tuple[str, ...] = SUFFIXES) -> None:
         import can
@@ -65,6 +68,9 @@ class Recorder:
         for writer in self._writers:
             writer.stop()
         self._writers = []
+        if not self.frames:
+            for path in self.paths:
+                path.unlink(missing_ok=True)
 
     def __enter__(self) -> Recorder:
         return self

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 from dataclasses import replace
 from typing import Any
@@ -15,13 +16,13 @@ from steer_env.envs.layout import OBSERVATION_LIMIT, PARAMETERS, Truth
 from steer_env.envs.measured_period import step_measured
 from steer_env.envs.steer_env import COMPLETE, TRUTH_NAMES, UNSTABLE, scales_of
 from steer_env.envs.task import Setup, Task, prepare
-from steer_env.errors import InputError
+from steer_env.errors import InputError, RigError
 from steer_env.physics.control_unit import Observation
 from steer_env.physics.motor import Motor, limited_command
 from steer_env.plants import Plant, Reference
 from steer_env.rig.connection import Connection
 from steer_env.rig.safety import State
-from steer_env.rig.session import PERIOD, RigError, RigSession
+from steer_env.rig.session import PERIOD, RigSession
 from steer_env.rig.settling import settle
 from steer_env.rig.shutdown import Shutdown
 
@@ -137,6 +138,10 @@ class RigEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._scales[:] = scales_of(self.task.causality, self.motor.rated_torque)
         batch.start_batch(*self._rows, self._setup.table, self._setup.car_table)
         self._compile()
+        if self.connection.interface != "stepped":
+            # A full collection of a program with compiled code takes tens of ms. What lives now is not looked at again.
+            gc.collect()
+            gc.freeze()
         self._start_drive()
         self._period = 0
         self._observation[:] = self._truth[:] = 0.0

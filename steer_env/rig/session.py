@@ -16,7 +16,9 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
+from steer_env.errors import RigError
 from steer_env.plants import Plant
+from steer_env.rig.arrival import Arrival
 from steer_env.rig.bus import Link
 from steer_env.rig.frame import Frame, Received
 from steer_env.rig.gauge import Gauge, Reading
@@ -38,15 +40,11 @@ Tap = Callable[[Frame, float, bool], None]
 """Told every frame: (frame, host time in s, whether we sent it). For recorders."""
 
 
-class RigError(RuntimeError):
-    """The rig does not do what was asked of it; it has no torque."""
-
-
 class RigSession:
     """A motor on a link, its safety layer, its pace, and (where there is one) its watchdog process.
 
     ``plant`` is what the control side believes of the wheel; it serves to estimate what a protocol does not tell.
-    ``applied`` is the last torque sent in N m.
+    ``applied`` is the last torque sent in N m. ``patience``: factor on the period by which a cycle counts as late.
     """
 
     def __init__(
@@ -57,15 +55,17 @@ class RigSession:
         limits: Limits | None = None,
         watchdog: Watchdog | None = None,
         tap: Tap | None = None,
+        patience: float = 1.0,
     ) -> None:
         self.link, self.motor, self.watchdog, self._tap = link, motor, watchdog, tap
-        self.safety = SafetyLayer(motor.rated_torque, limits, PERIOD, motor.counter_modulus)
+        self.safety = SafetyLayer(motor.rated_torque, limits, patience * PERIOD, motor.counter_modulus)
         self.pacer = Pacer(PERIOD, link.now)
         self.status, self.reading = NO_STATUS, None  # type: tuple[DriveStatus, Reading | None]
         self.applied = 0.0
         self.late, self.skipped, self.round_trip = 0.0, 0, math.nan
         self.rejected, self.foreign = 0, 0
         self._gauge = Gauge(plant, PERIOD)
+        self._arrival, self._arrived = Arrival(), math.nan
         self._refused = LeakyScore()
         self._intact = True
         self._new_status = False
@@ -110,7 +110,7 @@ class RigSession:
                 self._send(self.motor.bring_up(self.status))
             if self.link.now() > until:
                 self.stop("the drive does not come up")
-                raise RigError(f"the drive does not come up in {timeout:g} s: {self.describe()}")
+                raise RigError(f"the drive does not come up in {timeout:g} s: {self.describe()}{self._silence()}")
 
     def arm(self, timeout: float = 1.0) -> None:
         """Do the second act after ``bring_up``: RigError where cycles are not healthy for long enough."""
@@ -175,14 +175,28 @@ class RigSession:
         bus, detail = self.link.health().state, self.status.detail
         return f"drive {self.status.state}{faults}, {detail}{heard}; bus {bus}; {self.safety.state.value}"
 
+    def _silence(self) -> str:
+        """What to look at where nobody ever answered."""
+        if self.reading is not None or self.status is not NO_STATUS:
+            return ""
+        return (
+            f". Nothing on this bus answers as {self.motor.name}: is it on (or 'steer-env rig virtual' running), "
+            "and are motor, channel, port, bit rate and node right?"
+        )
+
     def report(self) -> dict[str, Any]:
-        """What only a rig has, for ``info``: SI; times on the link's clock, ``device_time`` on the interface's."""
+        """What only a rig has, for ``info``: SI; times on the link's clock, ``device_time`` on the interface's.
+
+        ``host_time`` is when the measurement was read, ``arrival_time`` when it came.
+        """
         health, reading = self.link.health(), self.reading
         received = math.nan if reading is None else reading.host_time
         return {
             "sample_age": self.link.now() - received,
             "host_time": received,
+            "arrival_time": self._arrived,
             "device_time": math.nan if reading is None else reading.device_time,
+            "sensor_torque": self._gauge.sensor_torque,
             "round_trip": self.round_trip,
             "late": self.late,
             "skipped": self.skipped,
@@ -247,13 +261,14 @@ class RigSession:
 
     def _take(self, received: Received) -> None:
         frame = received.frame
-        self._tell(frame, received.host_time, False)
+        arrived = self._arrival.of(received)
+        self._tell(frame, arrived, False)
         if frame.key in self.motor.command_identifiers:
             self.foreign += 1
             return
         for message in self.motor.decode(frame):
             if isinstance(message, Sample):
-                self.reading = self._gauge.take(message, received, self.applied)
+                self.reading, self._arrived = self._gauge.take(message, received, self.applied), arrived
                 if not self._fresh:
                     self._fresh, self.round_trip = True, received.host_time - self._sent_at
             elif isinstance(message, DriveStatus):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from steer_env.rig.session import PERIOD, RigError, RigSession
+from steer_env.errors import RigError
+from steer_env.rig.session import PERIOD, RigSession
 
 ANGLE, RATE, FOR = 0.02, 0.05, 0.1  # rad, rad/s, s: settled
 PACE = 0.8  # rad/s at which the target moves to zero

@@ -112,9 +112,13 @@ def test_a_file_that_ends_in_the_middle_is_read_up_to_there(suffix, tmp_path):
 
 
 def test_a_recording_is_not_overwritten(tmp_path):
+    """And one that never heard a frame is none: the folder is free again."""
     Recorder(tmp_path).close()
+    with Recorder(tmp_path) as recorder:
+        recorder.frame(Frame(0x211, b"12345678"), 0.0, False)
     with pytest.raises(InputError, match="already"):
         Recorder(tmp_path)
+    assert len(read_log(tmp_path / "rig.blf").frames) == 1
 
 
 @pytest.mark.parametrize(

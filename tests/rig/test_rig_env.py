@@ -6,11 +6,10 @@ import pytest
 
 import controllers
 import steer_env  # noqa: F401  (registers the ids)
-from steer_env.errors import InputError
+from steer_env.errors import InputError, RigError
 from steer_env.plants import PLANTS
 from steer_env.rig.rig_env import RigEnv
 from steer_env.rig.safety_limits import Limits
-from steer_env.rig.session import RigError
 from steer_env.rig.virtual.faults import Fault
 from steer_env.rig.virtual.wheel import PERFECT, Imperfections
 
@@ -253,12 +252,45 @@ def test_a_real_rig_is_locked_until_somebody_unlocks_it():
         ({"watchdog": True}, "watchdog"),
         ({"torque_cap": 1.0, "limits": Limits()}, "limits are given too"),
         ({"torque_cap": 8.0}, "rating"),
+        ({"patience": 0.5}, "patience"),
+        ({"patience": 11.0}, "patience"),
         ({"colour": "red"}, "there is no option 'colour'"),
     ],
 )
 def test_what_cannot_be_is_told_before_a_bus_is_opened(options, complaint):
     with pytest.raises(InputError, match=complaint):
         rig(**options)
+
+
+def held_up(patience):
+    """Limits, and how an episode ended in which three cycles in four were 3 ms late."""
+    env = rig(motor="senso_wheel", patience=patience)  # no counter: two answers at once are no miss
+    env.reset(seed=0)
+    session, virtual, waiting = env.unwrapped.session, virtual_of(env), []
+    receive = session.link.receive
+
+    def late(timeout):
+        if waiting:
+            virtual.advance(waiting.pop())  # somebody else has the processor
+        return receive(timeout)
+
+    session.link.receive = late
+    for k in range(40):
+        if k % 4:
+            waiting.append(3e-3)
+        _, _, _, ended, info = env.step(np.zeros(1, np.float32))
+        if ended:
+            break
+    env.close()
+    return session.safety.limits, info["ended"]
+
+
+def test_patience_lets_cycles_be_late_and_moves_no_other_limit():
+    (usual, tripped), (patient, ended) = held_up(1.0), held_up(5.0)
+    assert tripped == "tripped: the measurement is stale"
+    assert ended == ""
+    changed = {name for name in Limits._fields if getattr(usual, name) != getattr(patient, name)}
+    assert changed == {"stale_after", "longest_cycle"}
 
 
 def test_it_draws_nothing():

@@ -7,12 +7,13 @@ import pytest
 from experiments.rig_checks import Bench, all_checks
 from experiments.rig_faults import CAP, OPTIONS, failures, outcome
 from experiments.rig_mutation import MODULES, mutants_of
+from steer_env.errors import RigError
 from steer_env.plants import PLANTS
 from steer_env.rig import motors
 from steer_env.rig.frame import Frame
 from steer_env.rig.safety import State
 from steer_env.rig.safety_limits import Limits
-from steer_env.rig.session import RigError, RigSession
+from steer_env.rig.session import RigSession
 from steer_env.rig.virtual.faults import Fault
 from steer_env.rig.virtual.link import SteppedLink
 from steer_env.rig.virtual.motor import VirtualMotor

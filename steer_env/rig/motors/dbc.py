@@ -46,3 +46,9 @@ def dbc(name: str) -> Dbc:
     except ImportError:
         raise InputError(f"motor {name}", "cantools is not installed", "pip install 'steer-env[rig]'") from None
     return Dbc(cantools.database.load_file(FOLDER / f"{name}.dbc", strict=True))
+
+
+def dbc_of(motor: str) -> Path | None:
+    """The file that describes the frames of a row of MOTORS, at node 0; None where a DBC cannot."""
+    path = FOLDER / f"{'odrive_06' if motor == 'odrive' else motor}.dbc"
+    return path if path.is_file() else None
