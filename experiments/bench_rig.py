@@ -13,10 +13,8 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,6 +32,7 @@ from experiments.bench_run import batches_of, run_cases
 from experiments.bench_store import Store
 from experiments.rig_truth import true_signals
 from experiments.rollout import Episode
+from experiments.worker_pool import worker_pool
 from steer_env.envs.layout import PERIOD, Truth
 from steer_env.envs.steer_env import COMPLETE
 from steer_env.envs.task import Task, prepare
@@ -157,9 +156,8 @@ def _driven(
     if jobs == 1 or makers or len(groups) < 2:
         yield from (_drive(group, reference, motor, seed, makers) for group in groups)
         return
-    # As in robustness.each_system: no threads inside the processes, and none forked from a parent with threads.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with ProcessPoolExecutor(min(jobs, len(groups)), mp_context=get_context("spawn")) as pool:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in robustness.each_system
+    with worker_pool(min(jobs, len(groups))) as pool:
         yield from pool.map(partial(_drive, reference=reference, motor=motor, seed=seed, makers={}), groups)
 
 

@@ -12,9 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +21,7 @@ import numpy as np
 
 from experiments.cli_options import common_options, print_json, print_table, progress
 from experiments.report.page import Report
+from experiments.worker_pool import worker_pool
 from steer_env.plants import PLANTS
 from steer_env.rig import motors
 from steer_env.rig.safety import State
@@ -176,7 +175,7 @@ def main(names: tuple[str, ...], repeats: int, out: Path, seed: int, jobs: int, 
     outcomes = []
     with (
         progress("rig_faults", len(cases), quiet) as advance,
-        ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool,
+        worker_pool(jobs) as pool,
     ):
         for done in pool.map(_outcome, cases):
             outcomes.append(done)

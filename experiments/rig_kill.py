@@ -58,12 +58,13 @@ def motor_process(port: int, path: str) -> None:
     from steer_env.rig.bus import open_bus
     from steer_env.rig.virtual.motor import VirtualMotor
 
+    parent = os.getppid()
     motor = VirtualMotor(MOTOR, watchdog_s=0.0)
     motor.advance(1e-3)
     with open_bus(**_bus(port)) as bus, open(path, "ab", buffering=0) as trace:
         origin = time.monotonic() - motor.now
         print("ready", flush=True)
-        while True:
+        while os.getppid() == parent:  # if that is killed, nobody would ever end this
             got = bus.receive(max(min(motor.next_event() - motor.now, 1e-3), 0.0))
             for out in motor.advance_to(max(time.monotonic() - origin, motor.now)):
                 bus.send(out.frame)
