@@ -18,6 +18,7 @@ from typing import Any
 
 from steer_env.plants import Plant
 from steer_env.rig.bus import Link
+from steer_env.rig.drive_limit import DriveLimit
 from steer_env.rig.frame import Frame, Received
 from steer_env.rig.gauge import Gauge, Reading
 from steer_env.rig.motors.motor import DriveStatus, Motor, Rejected, Sample
@@ -60,6 +61,7 @@ class RigSession:
     ) -> None:
         self.link, self.motor, self.watchdog, self._tap = link, motor, watchdog, tap
         self.safety = SafetyLayer(motor.rated_torque, limits, PERIOD, motor.counter_modulus)
+        self.drive_limit = DriveLimit(motor, self.safety.limits.torque_cap)
         self.pacer = Pacer(PERIOD, link.now)
         self.status, self.reading = NO_STATUS, None  # type: tuple[DriveStatus, Reading | None]
         self.applied = 0.0
@@ -98,12 +100,17 @@ class RigSession:
         return self.reading
 
     def bring_up(self, timeout: float) -> None:
-        """Walk the drive to "on" with zero torque, one transition per status; RigError after ``timeout`` s."""
+        """Walk the drive to "on" with zero torque, one transition per status; RigError after ``timeout`` s.
+
+        Its own torque limit becomes the cap, and is read back where the drive can tell it.
+        """
         self.pacer.restart()
         self.safety.disarm()
+        self.drive_limit.restart()
         until = self.link.now() + timeout
         self._new_status = False
-        while self.status.state != "on" or self.reading is None or not self._new_status:
+        while not (self.status.state == "on" and self.reading and self._new_status and self.drive_limit.settled):
+            self._send(self.drive_limit.frames(self.link.now()))
             self.cycle(0.0)
             if self._new_status and self.status.state != "on":
                 self._new_status = False
@@ -113,7 +120,13 @@ class RigSession:
                 raise RigError(f"the drive does not come up in {timeout:g} s: {self.describe()}")
 
     def arm(self, timeout: float = 1.0) -> None:
-        """Do the second act after ``bring_up``: RigError where cycles are not healthy for long enough."""
+        """Do the second act after ``bring_up``: RigError where cycles are not healthy for long enough.
+
+        Or where the drive has told that it would give more than the cap.
+        """
+        if refused := self.drive_limit.refusal():
+            self.stop(refused)
+            raise RigError(f"the rig cannot be armed: {refused}")
         self.foreign = 0
         self._gauge.restart()
         self.safety.unlock(self.link.now())
@@ -172,6 +185,7 @@ class RigSession:
         """State of drive, safety and bus in a line, for messages."""
         faults = f" ({', '.join(self.status.faults)})" if self.status.faults else ""
         heard = "" if self.reading else ", no measurement came"
+        heard += "" if self.drive_limit.settled else ", its own torque limit is not known"
         bus, detail = self.link.health().state, self.status.detail
         return f"drive {self.status.state}{faults}, {detail}{heard}; bus {bus}; {self.safety.state.value}"
 
@@ -192,6 +206,7 @@ class RigSession:
             "safety": self.safety.state.value,
             "trip_reason": self.safety.trip_reason,
             "drive": self.status.state,
+            "drive_limit": self.drive_limit.torque,
             "drive_faults": self.status.faults,
             "rejected": self.rejected,
             "foreign": self.foreign,
@@ -248,9 +263,11 @@ class RigSession:
     def _take(self, received: Received) -> None:
         frame = received.frame
         self._tell(frame, received.host_time, False)
-        if frame.key in self.motor.command_identifiers:
+        asks = not frame.data and frame.key in self.motor.asking_identifiers
+        if asks or frame.key in self.motor.command_identifiers:
             self.foreign += 1
             return
+        self.drive_limit.take(frame)
         for message in self.motor.decode(frame):
             if isinstance(message, Sample):
                 self.reading = self._gauge.take(message, received, self.applied)

@@ -7,7 +7,7 @@ when the bus brings them: from one event to the next in equal steps of at most 0
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any, NamedTuple
 
@@ -77,7 +77,7 @@ class Wheel:
         self.plant = plant_set
         self.state = plant.PlantState(angle, 0.0, angle, *[0.0] * 10)
         self.hand, self.driver = HANDS_OFF, Driver()
-        self.draws: Callable[[], Sequence[float]] = (lambda: QUIET) if rng is None else partial(rng.standard_normal, 2)
+        self.draws: Callable[[], Any] = (lambda: QUIET) if rng is None else partial(rng.standard_normal, 2)
         self._car = ReferenceParameters()
         ripple = {"amplitude_Nm": imperfections.cogging_Nm, "order": imperfections.cogging_order}
         self._effects = vehicle_ports.effect_row({"torque_ripple": ripple})
