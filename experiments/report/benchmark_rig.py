@@ -18,7 +18,7 @@ def beside_simulation(report: Report, summary: Record, looks: Mapping[str, Look]
         return
     report.section("The CAN path beside the simulation")
     report.text(
-        f"Every score outside this section is that of the stepped virtual motor {rig['motor']}: the same plants, "
+        f"Every score outside this section is that of the stepped virtual motor **{rig['motor']}**: the same plants, "
         "arms, manoeuvres and controllers as in the simulated benchmark, with the drive's frames, wire and sensors in "
         "between. Scored are the true signals of the virtual wheel, judged as in the simulation, not what the rig "
         "measured. The wheel has no cogging and no unbalance, as the simulated one. Sensor noise has the same size "
