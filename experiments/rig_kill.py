@@ -42,16 +42,16 @@ RECORD = struct.Struct("<dd")  # time.monotonic() in s, torque in N m
 
 
 class Kill(NamedTuple):
-    """One kill: ms from it to the last torque (None: not even in WATCHED), largest torque in N m, how long it was blind.
+    """One kill: ms from it to the last torque (None: not even in WATCHED), and largest torque in N m.
 
     ``motor_blind_ms`` is the longest that the virtual motor did not look at the bus meanwhile, because the machine ran
-    something else: by so much its own lateness may stand in ``to_zero_ms``. NaN where the motor was killed.
+    something else: by so much its own lateness may stand in ``to_zero_ms``. None where it is the motor that was killed.
     """
 
     kind: str
     to_zero_ms: float | None
     largest_torque: float
-    motor_blind_ms: float
+    motor_blind_ms: float | None
 
 
 class Tripped(Exception):
@@ -145,9 +145,9 @@ def kill(kind: str, port: int, stall: float, rng: np.random.Generator) -> Kill:
     after = (np.abs(torques) > ZERO) & (times > killed_at)
     last = float(times[after][-1]) if after.any() else killed_at
     stopped = last < times[-1] - 0.05 or kind.startswith("motor")
-    watched = np.concatenate([[killed_at], times[times > killed_at]])
-    blind = float(np.diff(watched).max()) if len(watched) > 1 and not kind.startswith("motor") else np.nan
-    return Kill(kind, 1e3 * (last - killed_at) if stopped else None, float(np.abs(torques).max()), 1e3 * blind)
+    looks = np.concatenate([[killed_at], times[times > killed_at], [killed_at + WATCHED]])
+    blind = None if kind.startswith("motor") else 1e3 * float(np.diff(looks).max())
+    return Kill(kind, 1e3 * (last - killed_at) if stopped else None, float(np.abs(torques).max()), blind)
 
 
 def _bus(port: int) -> dict[str, Any]:
@@ -182,7 +182,9 @@ def _end(pid: int) -> None:
 @click.option("--kind", "kinds", multiple=True, type=click.Choice(KINDS), help="Only these; may be given again.")
 @click.option("--stall-ms", default=1e3 * STALL, show_default=True, help="Of the watchdog; more on a busy machine.")
 @common_options
-def main(times: int, kinds: tuple[str, ...], stall_ms: float, out: Path, seed: int, jobs: int, quiet: bool, as_json: bool) -> None:
+def main(
+    times: int, kinds: tuple[str, ...], stall_ms: float, out: Path, seed: int, jobs: int, quiet: bool, as_json: bool
+) -> None:
     """Kill processes at random and measure the time to zero torque."""
     rng = np.random.default_rng(seed)
     kills, chosen = [], kinds or KINDS
@@ -206,7 +208,7 @@ def main(times: int, kinds: tuple[str, ...], stall_ms: float, out: Path, seed: i
         zero = [k.to_zero_ms for k in those if k.to_zero_ms is not None]
         if those:
             half, most = (float(np.median(zero)), max(zero)) if zero else (None, None)
-            blind = max(k.motor_blind_ms for k in those)
+            blind = max((k.motor_blind_ms for k in those if k.motor_blind_ms is not None), default=None)
             largest = max(k.largest_torque for k in those)
             rows.append((kind, len(those), len(those) - len(zero), half, most, largest, blind))
     columns = ("what", "times", "torque stayed", "p50 / ms", "max / ms", "largest / N m", "motor blind, max / ms")
