@@ -5,7 +5,7 @@ seeds. What lies between is the drive's frames, its wire, state machine and sens
 case's two scores tell what that path costs a controller. Scored are the true signals of the virtual wheel, against the
 ideal that the simulation's own functions find from them (rig_truth), not what the rig measured. Cogging and unbalance
 are off and the safety layer is as wide as it goes: neither is in the simulation. The sensor noise has the same size but
-other values.
+other values; what that alone does to a score is found from simulations (bench_noise).
 """
 
 from __future__ import annotations
@@ -13,10 +13,8 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,12 +26,14 @@ import controllers
 import steer_env  # noqa: F401  (registers the ids)
 from experiments.bench_cases import SETTLE_S, Case, Maker, number_of, scored_result, task_of
 from experiments.bench_gates import gates_of
+from experiments.bench_noise import noise_interval, noise_scores
 from experiments.bench_protocol import Protocol
 from experiments.bench_ranking import case_score
 from experiments.bench_run import batches_of, run_cases
 from experiments.bench_store import Store
 from experiments.rig_truth import true_signals
 from experiments.rollout import Episode
+from experiments.worker_pool import worker_pool
 from steer_env.envs.layout import PERIOD, Truth
 from steer_env.envs.steer_env import COMPLETE
 from steer_env.envs.task import Task, prepare
@@ -61,14 +61,18 @@ WIDEST = Limits(
 class Beside(NamedTuple):
     """Scores of one controller and causality in JND (interquartile means), and what the path did meanwhile.
 
-    ``limited`` is the share of periods in which the safety layer changed a torque, ``tripped`` counts episodes.
+    ``by_noise`` is where the simulated score lies in 95 of 100 times when the sensors' noise alone is drawn anew (low,
+    high), ``largest_by_noise`` the widest that a single case's score moves with it. ``limited`` is the share of periods
+    in which the safety layer changed a torque, ``tripped`` counts episodes.
     """
 
     controller: str
     causality: str
     score: float
     simulated_score: float
+    by_noise: tuple[float, float]
     largest_difference: float
+    largest_by_noise: float
     cases: int
     unstable: int
     simulated_unstable: int
@@ -122,7 +126,7 @@ def run_on_rig(
     advance: Advance = lambda *_, **__: None,
     makers: Mapping[str, Maker] | None = None,
 ) -> list[Result]:
-    """Results in the order of the cases, as ``bench_run.run_cases`` has them, with ``rig``: {ended, limited}.
+    """Results in the order of the cases, as ``bench_run.run_cases`` has them, with ``rig``: {ended, limited, noise}.
 
     ``jobs`` processes; with ``makers`` of your own this one does everything. InputError for an unknown motor.
     """
@@ -157,9 +161,8 @@ def _driven(
     if jobs == 1 or makers or len(groups) < 2:
         yield from (_drive(group, reference, motor, seed, makers) for group in groups)
         return
-    # As in robustness.each_system: no threads inside the processes, and none forked from a parent with threads.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with ProcessPoolExecutor(min(jobs, len(groups)), mp_context=get_context("spawn")) as pool:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in robustness.each_system
+    with worker_pool(min(jobs, len(groups))) as pool:
         yield from pool.map(partial(_drive, reference=reference, motor=motor, seed=seed, makers={}), groups)
 
 
@@ -172,7 +175,10 @@ def _drive(
     known = task_of(first, reference, seeds[first.split]).plant
     assert isinstance(known, Plant)
     controller = make(known.believed(), Reference.load(reference, first.linear), first.causality)
-    return [rig_result(case, reference, motor, seed, controller) for case in group]
+    results = [rig_result(case, reference, motor, seed, controller) for case in group]
+    for case, result in zip(group, results, strict=True):
+        result["rig"]["noise"] = noise_scores(case, task_of(case, reference, seeds[case.split]), controller, seed)
+    return results
 
 
 def rig_result(case: Case, reference: Reference, motor: str, seed: int, controller: Controller) -> Result:
@@ -232,12 +238,15 @@ def beside(results: Sequence[Result], simulated: Sequence[Result], protocol: Pro
     for where, both in pairs.items():
         scores = np.array([[case_score(result, protocol) for result in pair] for pair in both])
         means = trim_mean(scores, 0.25, axis=0)
+        drawn = np.array([[case_score(there, protocol), *here["rig"]["noise"]] for here, there in both])
         rows.append(
             Beside(
                 *where,
                 float(means[0]),
                 float(means[1]),
+                noise_interval(drawn),
                 float(np.abs(scores[:, 0] - scores[:, 1]).max()),
+                float(np.ptp(drawn, axis=1).max()),
                 len(both),
                 sum(not here["stable"] for here, _ in both),
                 sum(not there["stable"] for _, there in both),
@@ -250,10 +259,10 @@ def beside(results: Sequence[Result], simulated: Sequence[Result], protocol: Pro
 
 def beside_table(rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[object]]]:
     """Columns and rows of ``beside`` on stdout."""
-    columns = ["controller", "causality", "JND", "simulated", "unstable", "simulated", "tripped", "limited"]
-    return columns, [
+    columns = ["controller", "causality", "JND", "simulated", "other noise", "unstable", "simulated", "tripped"]
+    return [*columns, "limited"], [
         [row["controller"], row["causality"], f"{row['score']:.2f}", f"{row['simulated_score']:.2f}",
-         f"{row['unstable']} of {row['cases']}", row["simulated_unstable"], row["tripped"],
-         f"{100.0 * row['limited']:.1f} %"]
+         "{:.2f} to {:.2f}".format(*row["by_noise"]), f"{row['unstable']} of {row['cases']}",
+         row["simulated_unstable"], row["tripped"], f"{100.0 * row['limited']:.1f} %"]
         for row in rows
     ]  # fmt: skip

@@ -17,7 +17,8 @@ from steer_env import atomic
 from steer_env.plants import Reference
 
 Result = dict[str, Any]
-CODE = ("bench_cases", "bench_plots", "bench_rig", "rig_truth", "rollout")  # and whatever is metrics* or measures*
+# And whatever is metrics* or measures*.
+CODE = ("bench_cases", "bench_noise", "bench_plots", "bench_rig", "rig_truth", "rollout")
 
 
 class Store:

@@ -14,7 +14,7 @@ import json
 import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,6 +27,7 @@ from experiments.gap_baseline import baseline_name
 from experiments.gap_study_figures import write_study_report
 from experiments.gap_study_summary import summary
 from experiments.hidden_campaign import Present, drawn_parameters, hidden_campaign
+from experiments.worker_pool import worker_pool
 from steer_env import atomic
 from steer_env.physics.effects import EFFECTS
 from steer_env.testcar.variants import random_car
@@ -172,7 +173,7 @@ def study(cases: list[Case], store: Path, jobs: int, advance: Callable[..., None
             done[entry["seed"]] = entry
     waiting = [case for case in cases if case.seed not in done]
     advance(len(cases) - len(waiting))
-    with ProcessPoolExecutor(max_workers=jobs) as pool:
+    with worker_pool(jobs) as pool:
         futures = [pool.submit(run_case, case) for case in waiting]
         for future in as_completed(futures):
             entry = future.result()

@@ -95,6 +95,19 @@ def zero(bench: Bench) -> Finding:
     return Finding("zero", None, f"{angle:+.4f} rad now; if the wheel is straight, correct the option zero by that")
 
 
+def own_limit(bench: Bench) -> Finding:
+    """The drive's own torque limit, which the session has set to the cap of these checks."""
+    with bench.session() as session:
+        torque, how = session.drive_limit.torque, session.motor.own_limit
+    if how == "none" or (how == "told" and math.isnan(torque)):
+        return Finding(
+            "drive's own limit", None, "not known here: set it with the drive's tools to what you mean to use"
+        )
+    if how == "set":
+        return Finding("drive's own limit", None, f"{CAP:g} N m was sent; the drive cannot confirm it")
+    return Finding("drive's own limit", True, f"{torque:.3f} N m read back, cap {CAP:g} N m")
+
+
 def timing(bench: Bench, seconds: float) -> Finding:
     """Cycles of zero torque: how long an answer takes, and how late cycles begin."""
     with bench.session() as session:
@@ -214,7 +227,7 @@ def _state_after_silence(session: RigSession) -> str:
 
 
 WITHOUT_TORQUE = (bus_is_up, motor_answers)
-WITH_TORQUE = (zero, limits_limit, bad_request_trips, sign, drive_watchdog, our_watchdog)
+WITH_TORQUE = (zero, own_limit, limits_limit, bad_request_trips, sign, drive_watchdog, our_watchdog)
 
 
 def all_checks(bench: Bench, armed: bool, seconds: float) -> Iterator[Finding]:

@@ -12,9 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +21,7 @@ import numpy as np
 
 from experiments.cli_options import common_options, print_json, print_table, progress
 from experiments.report.page import Report
+from experiments.worker_pool import worker_pool
 from steer_env.plants import PLANTS
 from steer_env.rig import motors
 from steer_env.rig.safety import State
@@ -38,17 +37,17 @@ ZERO = 0.02  # N m that count as no torque: a 50th of what is asked for
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
     "simulated": {},
     "senso_wheel": {},
-    # Not node 0: the babbling node's identifier would be addressed to it, and firmware 0.5 counts any frame as life.
-    "odrive": {"rated_torque": 3.0, "node": 3},
-    "odrive_05": {"rated_torque": 3.0, "node": 3},
+    "odrive": {"rated_torque": 3.0, "node": 3, "torque_constant": 0.1, "rate_limit": 60.0},
+    "odrive_05": {"rated_torque": 3.0, "node": 3, "torque_constant": 0.1, "rate_limit": 60.0},
     "moteus": {"rated_torque": 3.0},
     "cia402": {"rated_torque": 7.5, "increments_per_turn": 65_536},
 }
 # Faults of our own program, besides those of the wire and the drive.
 HOST_FAULTS = ("host: not a number", "host: infinity", "host: huge torque", "host: stalls", "host: exception")
-# What happens behind the safety layer is bounded by the drive's own limit alone: a drive that does what it was not
-# told, and a command damaged on its way to a drive that checks nothing.
-BEHIND = ("torque_gain", "latched_torque", "corruption_to_drive")
+# Behind the safety layer and the drive's own limit: a drive that does what it was not told. And the SENSO-Wheel's limit
+# travels in a frame that can be damaged itself: a second damaged one within 10 ms then counts.
+BEHIND = {(name, fault) for name in OPTIONS for fault in ("torque_gain", "latched_torque")}
+BEHIND.add(("senso_wheel", "corruption_to_drive"))
 
 
 class Outcome(NamedTuple):
@@ -131,7 +130,7 @@ def failures(outcomes: Sequence[Outcome]) -> list[str]:
             wrong.append(f"{where}: {o.last_torque:.3f} N m in the end")
         if not o.largest_command <= CAP:
             wrong.append(f"{where}: {o.largest_command:.3f} N m commanded, the cap is {CAP} N m")
-        if not o.largest_torque <= CAP + ZERO and o.fault not in BEHIND:
+        if not o.largest_torque <= CAP + ZERO and (o.motor, o.fault) not in BEHIND:
             wrong.append(f"{where}: {o.largest_torque:.3f} N m given, the cap is {CAP} N m")
     return wrong
 
@@ -176,7 +175,7 @@ def main(names: tuple[str, ...], repeats: int, out: Path, seed: int, jobs: int, 
     outcomes = []
     with (
         progress("rig_faults", len(cases), quiet) as advance,
-        ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool,
+        worker_pool(jobs) as pool,
     ):
         for done in pool.map(_outcome, cases):
             outcomes.append(done)

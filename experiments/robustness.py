@@ -12,10 +12,8 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,6 +27,7 @@ from experiments.linear_loop import AT_REST
 from experiments.loop_simulation import Confirmation, confirm, worst_stuck
 from experiments.margins import DELAY_LIMIT, GAIN_LIMIT_dB
 from experiments.stability_gate import Gate, safe
+from experiments.worker_pool import worker_pool
 from steer_env import __version__, atomic
 from steer_env.plants import PLANTS, Reference
 
@@ -116,10 +115,9 @@ def each_system(systems: Sequence[System], jobs: int) -> Iterator[list[Findings]
     if jobs == 1:
         yield from map(findings, systems)
         return
-    # Small matrices: threads inside each process would only wait for each other. A forked child would
-    # share locks that its parent's threads hold.
+    # Small matrices: threads inside each process would only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with ProcessPoolExecutor(min(jobs, len(systems)), mp_context=get_context("spawn")) as pool:
+    with worker_pool(min(jobs, len(systems))) as pool:
         yield from pool.map(findings, systems)
 
 

@@ -47,9 +47,16 @@ def first_observation(setup: Setup) -> Observation:
     return Observation(**{**zeros, "speed": PARAMETERS.read(setup.row, "episode").speed})
 
 
-def run(task: Task, controller: Controller, seed: int | Sequence[int] = 0, settle: float = 0.0) -> Episode:
+def run(
+    task: Task,
+    controller: Controller,
+    seed: int | Sequence[int] = 0,
+    settle: float = 0.0,
+    noise_seed: Sequence[int] | None = None,
+) -> Episode:
     """Run a task and ``settle`` seconds of rest after it; the same seed gives the same bits.
 
+    The sensors' noise follows from ``seed`` with everything else, or from a ``noise_seed`` of its own.
     A controller without a pure ``law`` is called once per period, which takes some fifty times as long.
     """
     rng = np.random.default_rng(seed)
@@ -59,7 +66,7 @@ def run(task: Task, controller: Controller, seed: int | Sequence[int] = 0, settl
     batch.start_batch(parameters, states, lines, setup.table, setup.car_table)
     periods = setup.periods + round(settle / PERIOD)
     signals = np.zeros((periods, len(Truth._fields)))
-    noise = rng.standard_normal((periods, 2))
+    noise = (rng if noise_seed is None else np.random.default_rng(noise_seed)).standard_normal((periods, 2))
     controller.reset(PERIOD)
     if hasattr(controller, "law"):
         rows = (parameters[0], states[0], lines[0], setup.table, setup.car_table)

@@ -18,8 +18,11 @@ from typing import Any
 
 from steer_env.errors import RigError
 from steer_env.plants import Plant
+from steer_env.rig import account
+from steer_env.rig.account import NO_STATUS
 from steer_env.rig.arrival import Arrival
 from steer_env.rig.bus import Link
+from steer_env.rig.drive_limit import DriveLimit
 from steer_env.rig.frame import Frame, Received
 from steer_env.rig.gauge import Gauge, Reading
 from steer_env.rig.motors.motor import DriveStatus, Motor, Rejected, Sample
@@ -34,7 +37,6 @@ POLL = 0.01  # s: a status older than this is asked for again
 STATUS_AGE = 0.35  # s: a drive that has not told its state for longer is not on (ODrive's heartbeat: 0.1 s)
 DOWN_TIMEOUT = 1.0  # s
 REPEAT = 3  # times that a stop is sent at once
-NO_STATUS = DriveStatus("off", (), "not heard of yet")
 
 Tap = Callable[[Frame, float, bool], None]
 """Told every frame: (frame, host time in s, whether we sent it). For recorders."""
@@ -44,7 +46,8 @@ class RigSession:
     """A motor on a link, its safety layer, its pace, and (where there is one) its watchdog process.
 
     ``plant`` is what the control side believes of the wheel; it serves to estimate what a protocol does not tell.
-    ``applied`` is the last torque sent in N m. ``patience``: factor on the period by which a cycle counts as late.
+    ``applied`` is the last torque sent in N m, ``arrived`` when the latest measurement came. ``patience``: factor on
+    the period by which a cycle counts as late.
     """
 
     def __init__(
@@ -59,13 +62,14 @@ class RigSession:
     ) -> None:
         self.link, self.motor, self.watchdog, self._tap = link, motor, watchdog, tap
         self.safety = SafetyLayer(motor.rated_torque, limits, patience * PERIOD, motor.counter_modulus)
+        self.drive_limit = DriveLimit(motor, self.safety.limits.torque_cap)
         self.pacer = Pacer(PERIOD, link.now)
         self.status, self.reading = NO_STATUS, None  # type: tuple[DriveStatus, Reading | None]
         self.applied = 0.0
         self.late, self.skipped, self.round_trip = 0.0, 0, math.nan
         self.rejected, self.foreign = 0, 0
-        self._gauge = Gauge(plant, PERIOD)
-        self._arrival, self._arrived = Arrival(), math.nan
+        self.gauge = Gauge(plant, PERIOD)
+        self._arrival, self.arrived = Arrival(), math.nan
         self._refused = LeakyScore()
         self._intact = True
         self._new_status = False
@@ -98,24 +102,35 @@ class RigSession:
         return self.reading
 
     def bring_up(self, timeout: float) -> None:
-        """Walk the drive to "on" with zero torque, one transition per status; RigError after ``timeout`` s."""
+        """Walk the drive to "on" with zero torque, one transition per status; RigError after ``timeout`` s.
+
+        Its own torque limit becomes the cap, and is read back where the drive can tell it.
+        """
         self.pacer.restart()
         self.safety.disarm()
+        self.drive_limit.restart()
         until = self.link.now() + timeout
         self._new_status = False
-        while self.status.state != "on" or self.reading is None or not self._new_status:
+        while not (self.status.state == "on" and self.reading and self._new_status and self.drive_limit.settled):
+            self._send(self.drive_limit.frames(self.link.now()))
             self.cycle(0.0)
             if self._new_status and self.status.state != "on":
                 self._new_status = False
                 self._send(self.motor.bring_up(self.status))
             if self.link.now() > until:
                 self.stop("the drive does not come up")
-                raise RigError(f"the drive does not come up in {timeout:g} s: {self.describe()}{self._silence()}")
+                raise RigError(f"the drive does not come up in {timeout:g} s: {self.describe()}{account.silence(self)}")
 
     def arm(self, timeout: float = 1.0) -> None:
-        """Do the second act after ``bring_up``: RigError where cycles are not healthy for long enough."""
+        """Do the second act after ``bring_up``: RigError where cycles are not healthy for long enough.
+
+        Or where the drive has told that it would give more than the cap.
+        """
+        if refused := self.drive_limit.refusal():
+            self.stop(refused)
+            raise RigError(f"the rig cannot be armed: {refused}")
         self.foreign = 0
-        self._gauge.restart()
+        self.gauge.restart()
         self.safety.unlock(self.link.now())
         if self.watchdog is not None:
             self.watchdog.watch(True)
@@ -170,49 +185,11 @@ class RigSession:
 
     def describe(self) -> str:
         """State of drive, safety and bus in a line, for messages."""
-        faults = f" ({', '.join(self.status.faults)})" if self.status.faults else ""
-        heard = "" if self.reading else ", no measurement came"
-        bus, detail = self.link.health().state, self.status.detail
-        return f"drive {self.status.state}{faults}, {detail}{heard}; bus {bus}; {self.safety.state.value}"
-
-    def _silence(self) -> str:
-        """What to look at where nobody ever answered."""
-        if self.reading is not None or self.status is not NO_STATUS:
-            return ""
-        return (
-            f". Nothing on this bus answers as {self.motor.name}: is it on (or 'steer-env rig virtual' running), "
-            "and are motor, channel, port, bit rate and node right?"
-        )
+        return account.in_a_line(self)
 
     def report(self) -> dict[str, Any]:
-        """What only a rig has, for ``info``: SI; times on the link's clock, ``device_time`` on the interface's.
-
-        ``host_time`` is when the measurement was read, ``arrival_time`` when it came.
-        """
-        health, reading = self.link.health(), self.reading
-        received = math.nan if reading is None else reading.host_time
-        return {
-            "sample_age": self.link.now() - received,
-            "host_time": received,
-            "arrival_time": self._arrived,
-            "device_time": math.nan if reading is None else reading.device_time,
-            "sensor_torque": self._gauge.sensor_torque,
-            "round_trip": self.round_trip,
-            "late": self.late,
-            "skipped": self.skipped,
-            "overruns": self.pacer.overruns,
-            "energy": self.safety.energy,
-            "limited_by": self.safety.limited_by,
-            "safety": self.safety.state.value,
-            "trip_reason": self.safety.trip_reason,
-            "drive": self.status.state,
-            "drive_faults": self.status.faults,
-            "rejected": self.rejected,
-            "foreign": self.foreign,
-            "bus": health.state,
-            "error_frames": health.error_frames,
-            "send_errors": health.send_errors,
-        }
+        """What only a rig has, for ``info``."""
+        return account.for_info(self)
 
     def _stop_frames(self) -> None:
         for _ in range(REPEAT):
@@ -263,12 +240,14 @@ class RigSession:
         frame = received.frame
         arrived = self._arrival.of(received)
         self._tell(frame, arrived, False)
-        if frame.key in self.motor.command_identifiers:
+        asks = not frame.data and frame.key in self.motor.asking_identifiers
+        if asks or frame.key in self.motor.command_identifiers:
             self.foreign += 1
             return
+        self.drive_limit.take(frame)
         for message in self.motor.decode(frame):
             if isinstance(message, Sample):
-                self.reading, self._arrived = self._gauge.take(message, received, self.applied), arrived
+                self.reading, self.arrived = self.gauge.take(message, received, self.applied), arrived
                 if not self._fresh:
                     self._fresh, self.round_trip = True, received.host_time - self._sent_at
             elif isinstance(message, DriveStatus):

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.stats import trim_mean
 
 import controllers
 from experiments import bench_rig
 from experiments.bench_cases import SETTLE_S, Case, number_of, scored_result, task_of
+from experiments.bench_noise import noise_interval
 from experiments.bench_protocol import Protocol
 from experiments.bench_ranking import case_score
 from experiments.bench_rig import rig_episode, rig_result
@@ -62,6 +64,50 @@ def test_a_trip_is_an_unstable_episode_that_keeps_its_reason(monkeypatch):
     assert not result["stable"]
     assert result["rig"]["ended"].startswith("tripped: ")
     assert case_score(result, PROTOCOL) == PROTOCOL.worst_score_jnd
+
+
+@pytest.mark.parametrize("noisy", [True, False])
+def test_a_noise_seed_changes_the_noise_and_nothing_else(noisy):
+    """Catches another size of the manoeuvre, which is drawn from the episode's seed; without noise: the same bits."""
+    task = task_of(STEP, REFERENCE, SEEDS)
+    if not noisy:
+        sensors = task.plant.sensors._replace(torque_noise=0.0, angle_noise=0.0)
+        task = replace(task, plant=replace(task.plant, sensors=sensors))
+    controller = controllers.make("pid", task.plant.believed(), REFERENCE, "impedance")
+    seed = (0, number_of(STEP.place))
+    first, other, again = (run(task, controller, seed, SETTLE_S, noise) for noise in (None, (1, 2), (1, 2)))
+    assert np.array_equal(first.setup.row, other.setup.row)
+    assert np.array_equal(other.signals, again.signals)
+    assert np.array_equal(first.signals, other.signals) == (not noisy)
+
+
+def test_the_noise_interval_holds_one_more_draw_19_times_in_20():
+    """Scores of ten draws, then an eleventh: counted over 2000 repeats, within 4 standard deviations of 95 %."""
+    rng, inside = np.random.default_rng(0), 0
+    size = rng.uniform(0.1, 2.0, (12, 1))
+    for _ in range(2000):
+        scores = size * (1.0 + 0.05 * rng.standard_normal((12, 11)))
+        low, high = noise_interval(scores[:, :10])
+        inside += low <= trim_mean(scores[:, 10], 0.25) <= high
+    assert abs(inside / 2000 - 0.95) < 4.0 * np.sqrt(0.95 * 0.05 / 2000)
+
+
+def test_scores_stand_beside_what_noise_alone_does():
+    """Two cases of one controller: interquartile means, the interval of ten draws, the widest that one case moves."""
+    metric = PROTOCOL.score["step_steer"][0]
+
+    def result(score, noise=()):
+        case = {"controller": "pid", "causality": "impedance", "manoeuvre": "step_steer"}
+        rig = {"ended": "end of the manoeuvre", "limited": 0.0, "noise": list(noise)}
+        return {"case": case, "stable": True, "scores": {metric: score}, "rig": rig}
+
+    noise = [0.1 + 0.01 * k for k in range(9)], [0.5 - 0.02 * k for k in range(9)]
+    here, there = [result(0.2, noise[0]), result(0.6, noise[1])], [result(0.1), result(0.5)]
+    (row,) = bench_rig.beside(here, there, PROTOCOL)
+    assert (row.score, row.simulated_score) == pytest.approx((0.4, 0.3))
+    assert row.by_noise == noise_interval([[0.1, *noise[0]], [0.5, *noise[1]]])
+    assert row.largest_by_noise == pytest.approx(0.16)
+    assert row.largest_difference == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(

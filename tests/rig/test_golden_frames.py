@@ -63,10 +63,10 @@ def test_odrive_torque_and_estimates():
 
 def test_odrive_watchdog_bits_differ_between_firmwares():
     old, new = make("odrive_05", rated_torque=4.0), make("odrive", rated_torque=4.0)
-    assert old.decode(Frame(0x001, bytes.fromhex("0008000001000000"))) == (DriveStatus("error", ("watchdog",), "idle"),)
-    assert new.decode(Frame(0x001, bytes.fromhex("0000000101030000"))) == (DriveStatus("error", ("watchdog",), "idle"),)
+    assert old.decode(Frame(0x021, bytes.fromhex("0008000001000000"))) == (DriveStatus("error", ("watchdog",), "idle"),)
+    assert new.decode(Frame(0x021, bytes.fromhex("0000000101030000"))) == (DriveStatus("error", ("watchdog",), "idle"),)
     # Byte 5 is a motor error flag in 0.5 and the result of the last procedure in 0.6.
-    closed = Frame(0x001, bytes.fromhex("0000000008010000"))
+    closed = Frame(0x021, bytes.fromhex("0000000008010000"))
     assert old.decode(closed) == (DriveStatus("error", ("MotorErrorFlag",), "closed loop control"),)
     assert new.decode(closed) == (DriveStatus("on", (), "closed loop control"),)
 
@@ -79,15 +79,16 @@ def test_moteus_frames_are_read_as_the_maker_explains_them():
 
 
 def test_moteus_command_by_hand():
-    """Mode 10; six floats from 0x020: no position, no velocity, 1.5 N m, gains 0, at most 3 N m; then the query."""
+    """Mode 10; five floats from 0x020: no position, no velocity, 1.5 N m, gains 0; at most 3 N m; then the query."""
     motor = make("moteus", node=1, rated_torque=3.0)
     (frame,) = motor.bring_up(DriveStatus("off"))
     (frame,) = motor.torque_frames(1.5)
     assert frame.key == (0x8001, True)
     assert frame.fd
     nan, zero, torque, most = "0000c07f", "00000000", "0000c03f", "00004040"
-    floats = nan + zero + torque + zero + zero + most
-    assert frame.data == bytes.fromhex("01000a" + "0c0620" + floats + "0d27" + zero + "0d2b" + zero + "11001f01110f")
+    floats = nan + zero + torque + zero + zero
+    rest = "0d25" + most + "0d27" + zero + "0d2b" + zero + "11001f01110f"
+    assert frame.data == bytes.fromhex("01000a" + "0c0520" + floats + rest + 14 * "50")
     reply = Frame(0x100, bytes.fromhex("21000a" + "2f01" + "0000003f" + "0000803f" + "0000c0bf" + "210f00"), fd=True)
     status, sample = motor.decode(reply)
     assert status == DriveStatus("on", (), "mode 10")

@@ -7,7 +7,7 @@ import pytest
 from experiments.rig_checks import Bench, all_checks
 from experiments.rig_faults import CAP, OPTIONS, failures, outcome
 from experiments.rig_mutation import MODULES, mutants_of
-from steer_env.errors import RigError
+from steer_env.errors import InputError, RigError
 from steer_env.plants import PLANTS
 from steer_env.rig import motors
 from steer_env.rig.frame import Frame
@@ -91,6 +91,34 @@ def test_a_frame_that_only_we_may_send_trips():
     assert session.foreign == 1
     assert "somebody else" in session.safety.trip_reason
     motor.advance(0.02)
+    assert motor.drive.state == "off"
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [Frame(0x07F, bytes(8)), Frame(0x060, b""), Frame(0x061, b"", remote=True), Frame(0x069, b""), Frame(0x074, b"")],
+    ids=["no such command", "NMT", "asks for the heartbeat", "asks for estimates", "asks for the current"],
+)
+def test_whatever_would_feed_the_watchdog_of_an_odrive_05_trips(frame):
+    """Firmware 0.5 takes any frame of its node for life of its host: a torque of a program that died would stay."""
+    session, motor = ready("odrive_05")
+    fed = motor.drive._fed
+    motor.advance(0.5e-3)
+    motor.drive.receive(frame, motor.wheel.read(), motor.now)
+    assert motor.drive._fed > fed
+    motor.wire.queue("other", frame, motor.now)
+    for _ in range(3):
+        session.cycle(0.2)
+    assert "somebody else" in session.safety.trip_reason
+
+
+def test_node_0_of_an_odrive_05_gets_no_torque():
+    """Frames of the highest priority would belong to it: none of ours could get through, and its watchdog stay fed."""
+    options = {**OPTIONS["odrive_05"], "node": 0}
+    motor = VirtualMotor("odrive_05", **options)
+    session = RigSession(SteppedLink(motor), motors.make("odrive_05", **options), PLANTS["SbW"], Limits())
+    with pytest.raises(InputError, match="node_id"):
+        session.bring_up(1.0)
     assert motor.drive.state == "off"
 
 

@@ -4,6 +4,9 @@ The PDO map is the one of ``cia402.dbc`` and must be set in the drive beforehand
 canopen library, over SDO, while the drive is disabled). The cyclic frames are made here and not by that library, which
 would send them from a thread or the kernel on its own clock.
 
+The drive's own torque limit is object 0x6072, written and read back over SDO (expedited transfers of CiA 301) when the
+drive is brought up.
+
 Torque is in per mille of the drive's rated torque. Object 0x6076 holds it in mN m by the profile, but some makers put a
 current there: so ``rated_torque`` must be given. The watchdog differs per maker and is set with the drive's own tools;
 nothing is assumed about it here. Velocity has a maker's unit too: without ``rate_unit`` rates are nan.
@@ -12,6 +15,7 @@ nothing is assumed about it here. Velocity has a maker's unit too: without ``rat
 from __future__ import annotations
 
 import math
+import struct
 from dataclasses import dataclass
 
 from steer_env.errors import InputError
@@ -24,6 +28,7 @@ from steer_env.rig.motors.motor import (
     DriveStatus,
     Message,
     Options,
+    OwnLimit,
     Rejected,
     Sample,
     believed,
@@ -34,6 +39,9 @@ from steer_env.rig.motors.motor import (
 CYCLIC_SYNCHRONOUS_TORQUE = 10
 DISABLE_VOLTAGE, SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, FAULT_RESET = 0x00, 0x06, 0x07, 0x0F, 0x80
 NMT_START = 0x01
+MAX_TORQUE = 0x6072
+# Expedited SDO transfers: the first byte of what we send, and of what comes (its upper three bits).
+SDO_WRITE_2, SDO_READ, SDO_WRITTEN, SDO_CONTENT, SDO_ABORT = 0x2B, 0x40, 0x60, 0x40, 0x80
 # (mask, value, the profile's name, our state); the first that fits.
 STATUS_WORDS: tuple[tuple[int, int, str, DriveState], ...] = (
     (0x4F, 0x00, "not ready to switch on", "off"),
@@ -45,6 +53,7 @@ STATUS_WORDS: tuple[tuple[int, int, str, DriveState], ...] = (
     (0x4F, 0x0F, "fault reaction active", "error"),
     (0x4F, 0x08, "fault", "error"),
 )
+_SDO = struct.Struct("<BHBI")
 NMT_STATES = {0x00: "boot-up", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
 # From a state to the control word that leads on.
 _UP = {
@@ -72,6 +81,8 @@ class Cia402:
 
     name = "cia402"
     bitrate, data_bitrate, counter_modulus = 1_000_000, 0, 0
+    own_limit: OwnLimit = "told"
+    asking_identifiers: frozenset[tuple[int, bool]] = frozenset()
 
     def __init__(self, options: Cia402Options) -> None:
         self.rated_torque = checked_options(options, self.name, range(1, 128))
@@ -83,10 +94,33 @@ class Cia402:
         offset = options.node - 1
         names = ("Emergency", "TransmitPdo1", "TransmitPdo2", "Heartbeat")
         self._replies = {(self._dbc.identifier(name) + offset, False): name for name in names}
+        self._limit_written = False
         self.reply_identifiers = frozenset(self._replies)
         receive_pdos = [base + options.node for base in (0x200, 0x300, 0x400, 0x500)]
         commands = (0x000, 0x080, *receive_pdos, 0x600 + options.node)
         self.command_identifiers = frozenset((identifier, False) for identifier in commands)
+
+    def limit_frames(self, torque: float) -> tuple[Frame, ...]:
+        """Write the limit in per mille of the rated torque; once that is answered, ask for it."""
+        share = math.floor(1000.0 * min(torque, self.rated_torque) / self.rated_torque + 1e-9)
+        first, content = (SDO_READ, 0) if self._limit_written else (SDO_WRITE_2, share)
+        return (Frame(0x600 + self.options.node, _SDO.pack(first, MAX_TORQUE, 0, content)),)
+
+    def told_limit(self, frame: Frame) -> float | None:
+        """From the answer to a reading; a drive that refuses to have the limit written may still tell it."""
+        if frame.key != (0x580 + self.options.node, False) or frame.remote or len(frame.data) != _SDO.size:
+            return None
+        first, index, sub, content = _SDO.unpack(frame.data)
+        told, refused = first & 0xE2 == SDO_CONTENT | 0x02, first == SDO_ABORT  # 0x02: the content is in the frame
+        if (index, sub) != (MAX_TORQUE, 0):
+            return None
+        if not self._limit_written:
+            self._limit_written = refused or first == SDO_WRITTEN
+            return None
+        if not (told or refused):
+            return None
+        self._limit_written = False
+        return (content & 0xFFFF) / 1000.0 * self.rated_torque if told else NAN
 
     def torque_frames(self, torque: float) -> tuple[Frame, ...]:
         """Control word, torque and mode, then the SYNC at which they act and the drive answers."""

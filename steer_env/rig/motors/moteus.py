@@ -18,6 +18,7 @@ from steer_env.rig.motors.motor import (
     DriveStatus,
     Message,
     Options,
+    OwnLimit,
     Rejected,
     Sample,
     believed,
@@ -75,6 +76,8 @@ class Moteus:
 
     name = "moteus"
     bitrate, data_bitrate, counter_modulus = 1_000_000, 5_000_000, 0
+    own_limit: OwnLimit = "set"  # it goes with every command
+    asking_identifiers: frozenset[tuple[int, bool]] = frozenset()
 
     def __init__(self, options: MoteusOptions) -> None:
         self.rated_torque = checked_options(options, self.name, range(1, 128))
@@ -83,10 +86,20 @@ class Moteus:
         self.options = options
         self._enabled = self._failed = False
         self._unanswered = 0
+        self._limit = self.rated_torque
         # Any source may command the node, with or without a wish for an answer.
         commands = [source << 8 | options.node for source in range(256)]
         self.command_identifiers = _keys(commands)
         self.reply_identifiers = _keys([options.node << 8 | HOST])
+
+    def limit_frames(self, torque: float) -> tuple[Frame, ...]:
+        """Nothing now: the largest torque is a field of every command."""
+        self._limit = min(torque, self.rated_torque)
+        return ()
+
+    def told_limit(self, frame: Frame) -> float | None:
+        """Never told."""
+        return None
 
     def torque_frames(self, torque: float) -> tuple[Frame, ...]:
         """Position mode with a torque fed forward once brought up; before and after that "stopped".
@@ -100,7 +113,7 @@ class Moteus:
             self._enabled = False
         if not self._enabled:
             return (self._frame(registers.query_command() if self._failed else registers.stop_command()),)
-        return (self._frame(registers.torque_command(wanted, self.rated_torque, self.options.watchdog_s)),)
+        return (self._frame(registers.torque_command(wanted, self._limit, self.options.watchdog_s)),)
 
     def commanded(self, frame: Frame) -> float | None:
         """Torque fed forward of a command; zero of a stop."""

@@ -54,12 +54,14 @@ def stop_command() -> bytes:
 def torque_command(torque: float, max_torque: float, watchdog_s: float) -> bytes:
     """Position mode without position: kp, kd and integral scaled to zero, a torque in N m fed forward; and the query.
 
-    ``watchdog_s`` 0: the drive's own default.
+    ``watchdog_s`` 0: the drive's own default. The largest torque has a subframe of its own: a header that is damaged
+    spoils either the torque or its limit.
     """
-    command = struct.pack("<6f", float("nan"), 0.0, torque, 0.0, 0.0, max_torque)
+    command = struct.pack("<5f", float("nan"), 0.0, torque, 0.0, 0.0)
     return padded(
-        bytes([WRITE | INT8 | 1, MODE, POSITION_MODE, WRITE | FLOAT, 6, COMMAND])
+        bytes([WRITE | INT8 | 1, MODE, POSITION_MODE, WRITE | FLOAT, 5, COMMAND])
         + command
+        + struct.pack("<BBf", WRITE | FLOAT | 1, MAX_TORQUE, max_torque)
         + struct.pack("<BBfBBf", WRITE | FLOAT | 1, WATCHDOG, watchdog_s, WRITE | FLOAT | 1, ILIMIT_SCALE, 0.0)
         + QUERY
     )

@@ -47,6 +47,7 @@ class Rejected(NamedTuple):
 
 
 Message = Sample | DriveStatus | Rejected
+OwnLimit = Literal["told", "set", "none"]
 
 
 @dataclass(frozen=True)
@@ -72,10 +73,24 @@ class Motor(Protocol):
     bitrate: int  # bit/s, what the drive expects unless it was configured otherwise
     data_bitrate: int  # bit/s of the data phase, 0: classic CAN
     counter_modulus: int  # samples count 0 .. modulus - 1; 0: the protocol has no counter
+    # Of the drive's own torque limit: set by ``limit_frames`` and told by the drive, set without an answer, or none.
+    own_limit: OwnLimit
     # (identifier, extended) that only we may send: one that comes in from the bus was injected.
     command_identifiers: frozenset[tuple[int, bool]]
     # (identifier, extended) that only the drive sends.
     reply_identifiers: frozenset[tuple[int, bool]]
+    # (identifier, extended) of which an empty or remote frame, which asks, is taken by the drive for life of its host.
+    asking_identifiers: frozenset[tuple[int, bool]]
+
+    def limit_frames(self, torque: float) -> tuple[Frame, ...]:
+        """Frames that give the drive a torque limit of its own in N m, rounded down; () where others carry it, or none.
+
+        It is the last thing between a command that was damaged on its way and the motor. From now on every frame that
+        has a field for it carries it. Where ``own_limit`` is "told", call it again until a frame has told the limit.
+        """
+
+    def told_limit(self, frame: Frame) -> float | None:
+        """The most torque in N m that the drive gives, if a frame tells it; nan: it says that it has no such limit."""
 
     def torque_frames(self, torque: float) -> tuple[Frame, ...]:
         """Frames that command a torque in N m and ask for the next sample; the only way to command torque.

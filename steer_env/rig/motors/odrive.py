@@ -1,8 +1,9 @@
 """ODrive over CANSimple: firmware 0.5 (v3.6) and 0.6 (Pro, S1, Micro), whose layouts differ in a few frames.
 
 The drive must be configured beforehand: CAN bit rate (250 kbit/s by default: too slow for 1 kHz), the encoder estimates
-every 1 ms, its torque constant, limits and, because it is off by default, its watchdog; 0.5 feeds that with any frame
-addressed to the node, 0.6 with the cyclic setpoint. None of these can be read here. The drive sends by itself.
+every 1 ms, its torque constant and, because it is off by default, its watchdog; 0.5 feeds that with any frame addressed
+to the node (any identifier of its 32, whoever sends it), 0.6 with the cyclic setpoint. None of these can be read here.
+The drive sends by itself. Its current and speed limits can be set over the bus, both at once, and not be read back.
 Torque is the motor's; 0.5 sends only currents, so there it is nan. Calibration, in which the motor turns by itself, is
 never asked for.
 """
@@ -17,11 +18,13 @@ from steer_env.rig.frame import Frame
 from steer_env.rig.motors.dbc import dbc
 from steer_env.rig.motors.motor import (
     NAN,
+    RATE_LIMIT,
     TORQUE_LIMIT,
     DriveState,
     DriveStatus,
     Message,
     Options,
+    OwnLimit,
     Rejected,
     Sample,
     believed,
@@ -76,15 +79,26 @@ FAULTS = {
         0x40000000: "calibration",
     },
 }
-# Commands of a host; an emergency stop (0x02) anybody may send.
+ESTOP = 0x02  # anybody may send it
 HOST_COMMANDS = (0x04, 0x05, 0x06, 0x07, 0x0B, 0x0C, 0x0D, 0x0E, 0x0F, 0x11, 0x12, 0x13, 0x16, 0x18, 0x19, 0x1A, 0x1B)
+
+# 0.5 takes any frame of its node for life, also one without a meaning; what the drive sends itself is left out.
+HOST_COMMANDS_05 = tuple(k for k in range(32) if k not in (0x01, ESTOP, 0x03, 0x09, 0x0A, 0x14, 0x15, 0x17, 0x1C, 0x1D))
 
 
 @dataclass(frozen=True)
 class OdriveOptions(Options):
-    """``rated_torque`` must be given: what the motor on this drive may give."""
+    """``rated_torque`` must be given: what the motor on this drive may give.
 
+    ``torque_constant`` in N m/A and ``rate_limit`` in rad/s let the drive have a torque limit of its own: one message
+    sets current and speed limit together, so both are needed. The drive fades the torque towards its speed limit with
+    its velocity gain (unless ``enable_torque_mode_vel_limit`` is off): one that is too low weakens the motor at rest.
+    """
+
+    node: int = 1
     firmware: str = "0.6"
+    torque_constant: float | None = None
+    rate_limit: float | None = None
 
 
 class Odrive:
@@ -102,10 +116,37 @@ class Odrive:
         self._dbc = dbc({"0.5": "odrive_05", "0.6": "odrive_06"}[options.firmware])
         self._base = options.node << 5
         self._torque = NAN
-        self.command_identifiers = frozenset((self._base | command, False) for command in HOST_COMMANDS)
+        commands = HOST_COMMANDS if options.firmware == "0.6" else HOST_COMMANDS_05
+        self.command_identifiers = frozenset((self._base | command, False) for command in commands)
+        asking = set() if options.firmware == "0.6" else set(range(32)) - {*commands, ESTOP}
+        self.asking_identifiers = frozenset((self._base | command, False) for command in asking)
+        self.own_limit: OwnLimit = self._checked_limits()
         replies = [message for message in ("Heartbeat", "EncoderEstimates", "Torques") if message in self._dbc.messages]
         self._replies = {(self._base | self._dbc.identifier(name), False): name for name in replies}
         self.reply_identifiers = frozenset(self._replies)
+
+    def _checked_limits(self) -> OwnLimit:
+        constant, rate = self.options.torque_constant, self.options.rate_limit
+        if constant is None and rate is None:
+            return "none"
+        if constant is None or rate is None:
+            missing = "torque_constant (N m/A)" if constant is None else "rate_limit (rad/s)"
+            raise InputError(f"motor {self.name}", f"{missing} is missing", "one message sets both limits: give both")
+        if not (0.0 < constant <= 100.0 and 0.0 < rate <= RATE_LIMIT):
+            what = f"torque_constant {constant} N m/A or rate_limit {rate} rad/s is out of range"
+            raise InputError(f"motor {self.name}", what, "give values above 0")
+        return "set"
+
+    def limit_frames(self, torque: float) -> tuple[Frame, ...]:
+        """Current and speed limit."""
+        if self.options.torque_constant is None or self.options.rate_limit is None:
+            return ()
+        current = min(torque, self.rated_torque) / self.options.torque_constant
+        return (self._frame("SetLimits", RateLimit=self.options.rate_limit, CurrentLimit=current),)
+
+    def told_limit(self, frame: Frame) -> float | None:
+        """Never told."""
+        return None
 
     def torque_frames(self, torque: float) -> tuple[Frame, ...]:
         """One input torque; it does nothing unless the axis is in closed loop."""
@@ -146,7 +187,14 @@ class Odrive:
         return tuple(Frame(self._base | self._dbc.identifier(name), b"") for name in ("Heartbeat", "EncoderEstimates"))
 
     def bring_up(self, status: DriveStatus) -> tuple[Frame, ...]:
-        """Clear errors; from idle: zero torque, torque control with passthrough, closed loop."""
+        """Clear errors; from idle: zero torque, torque control with passthrough, closed loop.
+
+        Raises InputError for node 0 of firmware 0.5: frames of the highest priority, which keep all of ours off the
+        bus, would belong to it and keep its watchdog fed.
+        """
+        if self._base == 0 and self.options.firmware == "0.5":
+            what = "node 0 of firmware 0.5: a node that fills the bus with identifiers below 32 keeps its watchdog fed"
+            raise InputError("motor odrive_05", what, "give the drive another (axis0.config.can.node_id), and the rig")
         if status.state == "error":
             extra = {} if self.options.firmware == "0.5" else {"Identify": 0}
             return (self._frame("ClearErrors", **extra),)

@@ -21,6 +21,7 @@ from steer_env.rig.motors.motor import (
     DriveStatus,
     Message,
     Options,
+    OwnLimit,
     Rejected,
     Sample,
     believed,
@@ -57,9 +58,13 @@ HOST_IDENTIFIERS = (FIRMWARE_UPDATE, *range(0x200, 0x210), 0x221, 0x22A, 0x22D)
 
 @dataclass(frozen=True)
 class SensoOptions(Options):
-    """Options of the drive; limits in per cent of its nominal torque, end stop in deg (below 10: off)."""
+    """Options of the drive; limits in per cent of its ``nominal_torque`` in N m, end stop in deg (below 10: off).
+
+    ``torque_limit_percent`` is the most; what is sent is lower where the safety layer's cap is.
+    """
 
     rated_torque: float | None = NOMINAL_TORQUE
+    nominal_torque: float = NOMINAL_TORQUE
     increments_per_turn: int = 40_000
     end_stop_deg: int = 540
     torque_limit_percent: int = 100
@@ -71,6 +76,8 @@ class SensoWheel:
 
     name = "senso_wheel"
     bitrate, data_bitrate, counter_modulus = 1_000_000, 0, 0
+    own_limit: OwnLimit = "set"
+    asking_identifiers: frozenset[tuple[int, bool]] = frozenset()
 
     def __init__(self, options: SensoOptions) -> None:
         self.rated_torque = checked_options(options, self.name, range(1))
@@ -80,14 +87,27 @@ class SensoWheel:
             )
         if not (0 <= options.end_stop_deg <= 1440 and 0 <= options.torque_limit_percent <= 255):
             raise InputError("motor senso_wheel", "end stop or torque limit is out of range", "0..1440 deg, 0..255 %")
+        if not 0.0 < options.nominal_torque <= 50.0:
+            raise InputError("motor senso_wheel", "nominal_torque is out of range", "give the drive's in N m, up to 50")
         if not 0 <= options.peak_limit_percent <= 100:
             raise InputError("motor senso_wheel", "peak_limit_percent is out of range", "0..100 %")
         self.options = options
         self._dbc = dbc("senso_wheel")
         self._unit = options.sign * 2.0 * math.pi / options.increments_per_turn  # rad per increment, left positive
         self._asked = OFF
+        self._percent = options.torque_limit_percent
         self.command_identifiers = frozenset((identifier, False) for identifier in HOST_IDENTIFIERS)
         self.reply_identifiers = frozenset((self._dbc.identifier(name), False) for name in ("Status", "NormalAnswer"))
+
+    def limit_frames(self, torque: float) -> tuple[Frame, ...]:
+        """The state last asked for, once more, with the limit in whole per cent of the nominal torque."""
+        percent = math.floor(100.0 * torque / self.options.nominal_torque + 1e-9)
+        self._percent = min(max(percent, 1), self.options.torque_limit_percent)
+        return (self._control(self._asked),)
+
+    def told_limit(self, frame: Frame) -> float | None:
+        """Never told."""
+        return None
 
     def torque_frames(self, torque: float) -> tuple[Frame, ...]:
         """One 0x201 with friction, damping and stiffness zero; it does not change the drive's state."""
@@ -157,7 +177,7 @@ class SensoWheel:
             "FrictionVersion2": 0,
             "EndStop": self.options.end_stop_deg,
             "PositionOffset": 0,
-            "TorqueLimit": self.options.torque_limit_percent,
+            "TorqueLimit": self._percent,
             "PeakTorqueLimit": self.options.peak_limit_percent,
         }
         return Frame(self._dbc.identifier("Control"), self._dbc.encode("Control", values))

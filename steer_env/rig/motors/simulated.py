@@ -16,6 +16,7 @@ from steer_env.rig.motors.motor import (
     DriveStatus,
     Message,
     Options,
+    OwnLimit,
     Rejected,
     Sample,
     believed,
@@ -42,6 +43,8 @@ class Simulated:
 
     name = "simulated"
     bitrate, data_bitrate, counter_modulus = 1_000_000, 0, e2e.MODULUS
+    own_limit: OwnLimit = "none"  # its commands carry a checksum
+    asking_identifiers: frozenset[tuple[int, bool]] = frozenset()
 
     def __init__(self, options: SimulatedOptions) -> None:
         self.rated_torque = checked_options(options, self.name, range(1))
@@ -52,6 +55,14 @@ class Simulated:
         self._replies = {(self._dbc.identifier(name), False): name for name in ("Motion", "Sample")}
         self.reply_identifiers = frozenset(self._replies)
         self.command_identifiers = frozenset({(self._dbc.identifier("Command"), False)})
+
+    def limit_frames(self, torque: float) -> tuple[Frame, ...]:
+        """The protocol has none."""
+        return ()
+
+    def told_limit(self, frame: Frame) -> float | None:
+        """Never told."""
+        return None
 
     def torque_frames(self, torque: float) -> tuple[Frame, ...]:
         """One command with the state last asked for."""

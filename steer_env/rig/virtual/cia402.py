@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import math
+import struct
 from typing import Any, ClassVar
 
 from steer_env.rig.frame import Frame
-from steer_env.rig.motors.cia402 import CYCLIC_SYNCHRONOUS_TORQUE, NMT_START, STATUS_WORDS
+from steer_env.rig.motors.cia402 import (
+    CYCLIC_SYNCHRONOUS_TORQUE,
+    MAX_TORQUE,
+    NMT_START,
+    SDO_ABORT,
+    SDO_READ,
+    SDO_WRITE_2,
+    SDO_WRITTEN,
+    STATUS_WORDS,
+)
 from steer_env.rig.motors.dbc import dbc
 from steer_env.rig.motors.motor import DriveState
 from steer_env.rig.virtual.drive import Drive
@@ -18,6 +28,9 @@ _NMT_STOP, _NMT_PRE_OPERATIONAL, _NMT_RESET = 0x02, 0x80, 0x81
 _PRE_OPERATIONAL, _OPERATIONAL = 0x7F, 0x05
 _LIFE_GUARD, _GENERIC = 0x8130, 0x1000  # error codes of emergencies, CiA 301
 _FAULT_RESET = 0x80
+_SDO = struct.Struct("<BHBI")
+_CONTENT_2 = 0x4B  # two bytes, in the frame
+_NO_SUCH_OBJECT, _NO_SUCH_COMMAND = 0x0602_0000, 0x0504_0001
 
 
 class VirtualDrive(Drive):
@@ -72,6 +85,8 @@ class VirtualDrive(Drive):
         if frame.identifier == self._file.identifier("Nmt") and len(frame.data) == 2:
             self._manage(frame.data[0], frame.data[1], now)
             return []
+        if frame.identifier == 0x600 + self.options.node and len(frame.data) == _SDO.size:
+            return [Frame(0x580 + self.options.node, self._serve(*_SDO.unpack(frame.data)))]
         if self._node_state != _OPERATIONAL:
             return []
         if frame.identifier == self._file.identifier("ReceivePdo1") + self._offset:
@@ -81,6 +96,17 @@ class VirtualDrive(Drive):
         if frame.identifier == self._file.identifier("Sync"):
             return self._synchronise(readings, now)
         return []
+
+    def _serve(self, first: int, index: int, sub: int, content: int) -> bytes:
+        """The answer of the SDO server, which has the torque limit and nothing else."""
+        if (index, sub) != (MAX_TORQUE, 0):
+            return _SDO.pack(SDO_ABORT, index, sub, _NO_SUCH_OBJECT)
+        if first == SDO_WRITE_2:
+            self.limit = (content & 0xFFFF) / 1000.0 * self.motor.rated_torque
+            return _SDO.pack(SDO_WRITTEN, index, sub, 0)
+        if first == SDO_READ:
+            return _SDO.pack(_CONTENT_2, index, sub, round(1000.0 * self.limit / self.motor.rated_torque))
+        return _SDO.pack(SDO_ABORT, index, sub, _NO_SUCH_COMMAND)
 
     def _manage(self, command: int, node: int, now: float) -> None:
         if node not in (0, self.options.node):

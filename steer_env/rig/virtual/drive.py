@@ -22,8 +22,8 @@ WATCHDOG = 0.05
 class Drive:
     """One drive; protocols override ``receive`` and, if the drive sends by itself, ``cyclic``.
 
-    ``command`` is in N m in the drive's direction; ``cycles`` maps the name of a message to its period in s.
-    ``SETTINGS`` are options of the motor that have no default.
+    ``command`` is in N m in the drive's direction, ``limit`` the most it gives in N m; ``cycles`` maps the name of a
+    message to its period in s. ``SETTINGS`` are options of the motor that have no default.
     """
 
     SETTINGS: ClassVar[dict[str, Any]] = {}
@@ -41,6 +41,7 @@ class Drive:
         self.state: DriveState = "off"
         self.faults: set[str] = set()
         self.command = 0.0
+        self.limit = self.motor.rated_torque  # N m: what it gives at most
         self.frozen_counter = False
         self.spoiled = False  # sends values that are not finite, where the protocol can
         self._fed = 0.0
@@ -50,6 +51,7 @@ class Drive:
     def power_up(self, now: float) -> None:
         """Start anew, as after the supply came back."""
         self.powered, self.state, self.command = True, "off", 0.0
+        self.limit = self.motor.rated_torque
         self.faults = set()
         self._next = {name: now + period for name, period in self.cycles.items()}
 
@@ -71,9 +73,16 @@ class Drive:
         self.state, self.command = "on", 0.0
         self.feed(now)
 
+    def obey(self, torque: float) -> None:
+        """Take a torque command in N m; one that is no number switches the drive off."""
+        if math.isnan(torque):
+            self.trip(self.fault)
+        else:
+            self.command = torque
+
     def target(self) -> float:
         """Torque in N m, positive to the left, that the current loop shall give."""
-        limit = self.motor.rated_torque
+        limit = min(self.limit, self.motor.rated_torque)
         return self.options.sign * min(max(self.command, -limit), limit) if self.state == "on" and self.powered else 0.0
 
     def mounted(self, readings: Readings) -> Readings:

@@ -68,7 +68,7 @@ class VirtualDrive(Drive):
             self.feed(now)
             limit = writes.get(registers.MAX_TORQUE, math.nan)
             torque = writes.get(registers.TORQUE, 0.0)
-            self.command = torque if math.isnan(limit) else min(max(torque, -limit), limit)
+            self.obey(torque if math.isnan(limit) else min(max(torque, -limit), limit))
 
     def _answer(self, destination: int, readings: Readings) -> Frame:
         own = self.mounted(readings)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
 from steer_env.rig.frame import Frame
@@ -14,7 +15,10 @@ NAN = float("nan")
 
 
 class VirtualDrive(Drive):
-    """Encoder (and torque) estimates every 1 ms, a heartbeat every 10 ms, well within the watchdog's time."""
+    """Encoder (and torque) estimates every 1 ms, a heartbeat every 10 ms, well within the watchdog's time.
+
+    Of its limits the current's is obeyed; fading towards the speed limit is not made here.
+    """
 
     SETTINGS: ClassVar[dict[str, Any]] = {"rated_torque": 7.5}
     fault = "estop"
@@ -50,7 +54,10 @@ class VirtualDrive(Drive):
         if name == "SetInputTorque":
             self.feed(now)
             if self.state == "on":
-                self.command = values["Torque"]
+                self.obey(values["Torque"])
+        elif name == "SetLimits" and self.options.torque_constant is not None:
+            if math.isfinite(values["CurrentLimit"]):
+                self.limit = self.options.torque_constant * max(values["CurrentLimit"], 0.0)
         elif name == "SetControllerMode":
             self._torque_mode = (values["ControlMode"], values["InputMode"]) == (TORQUE_CONTROL, PASSTHROUGH)
         elif name == "SetAxisState" and values["AxisState"] == IDLE:

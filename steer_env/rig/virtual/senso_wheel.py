@@ -24,7 +24,6 @@ class VirtualDrive(Drive):
     watchdog_fault = "CAN watchdog"
     _mode = 0
     _guarded = True
-    _percent = 100
 
     def receive(self, frame: Frame, readings: Readings, now: float) -> list[Frame]:
         """0x200 and 0x201; everything else, and any other length, is ignored."""
@@ -37,8 +36,7 @@ class VirtualDrive(Drive):
         if frame.identifier == file.identifier("NormalCommand"):
             self.feed(now)
             if self.state == "on":
-                limit = self.motor.rated_torque * self._percent / 100.0
-                self.command = min(max(file.decode("NormalCommand", frame.data)["Torque"], -limit), limit)
+                self.command = file.decode("NormalCommand", frame.data)["Torque"]
             return [self._answer(readings)]
         return []
 
@@ -49,7 +47,7 @@ class VirtualDrive(Drive):
     def _control(self, values: dict[str, float], readings: Readings, now: float) -> Frame:
         transition, mode = int(values["Transition"]), int(values["Mode"])
         self._guarded = not values["WatchdogOff"]
-        self._percent = int(values["TorqueLimit"])
+        self.limit = self.options.nominal_torque * values["TorqueLimit"] / 100.0
         if self.state == "error":
             if transition == QUIT_ERROR:
                 self.state, self.faults = "off", set()

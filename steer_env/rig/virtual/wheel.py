@@ -7,6 +7,8 @@ when the bus brings them: from one event to the next in equal steps of at most 0
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -24,6 +26,7 @@ from steer_env.plants.plant_set import Plant
 from steer_env.units import Quantity
 
 LONGEST_STEP = 0.5e-3  # s
+QUIET = (0.0, 0.0)
 HANDS_OFF = Hand(0.0, 0.0, 0.0, 0.0)
 
 
@@ -62,7 +65,11 @@ def wheel_after(
 
 
 class Wheel:
-    """State of the plant; ``hand`` and ``driver`` are who holds it, and may be changed at any time."""
+    """State of the plant; ``hand`` and ``driver`` are who holds it, and may be changed at any time.
+
+    ``draws`` gives two standard normal draws for the noise of angle and torque at each reading: by default of the
+    generator (without one, zeros); another may take its place, so that two plants can share their noise.
+    """
 
     def __init__(
         self, plant_set: Plant, imperfections: Imperfections, rng: np.random.Generator | None, angle: float = 0.0
@@ -70,7 +77,7 @@ class Wheel:
         self.plant = plant_set
         self.state = plant.PlantState(angle, 0.0, angle, *[0.0] * 10)
         self.hand, self.driver = HANDS_OFF, Driver()
-        self._rng = rng
+        self.draws: Callable[[], Any] = (lambda: QUIET) if rng is None else partial(rng.standard_normal, 2)
         self._car = ReferenceParameters()
         ripple = {"amplitude_Nm": imperfections.cogging_Nm, "order": imperfections.cogging_order}
         self._effects = vehicle_ports.effect_row({"torque_ripple": ripple})
@@ -90,7 +97,7 @@ class Wheel:
         """Angle and torques as the sensors give them, with their noise if there is a generator."""
         x, sensors = self.state, self.plant.sensors
         true_torque = torsion_bar_torque(plant.motion_of(x), self.plant.steering)
-        noise_angle, noise_torque = (0.0, 0.0) if self._rng is None else self._rng.standard_normal(2)
+        noise_angle, noise_torque = self.draws()
         angle = measured(x.pinion_angle, sensors.angle_step, sensors.angle_noise, noise_angle)
         torque = sensors.torque_gain * true_torque + sensors.torque_offset
         torque = measured(torque, sensors.torque_step, sensors.torque_noise, noise_torque)
