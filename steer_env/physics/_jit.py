@@ -16,6 +16,7 @@ compile anew in every process, or NUMBA_DISABLE_JIT=1 to run everything as plain
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from functools import cached_property, update_wrapper
 from typing import Any, TypeVar
@@ -24,7 +25,8 @@ from steer_env.physics import _cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+_loaded_settings: Any = getattr(sys.modules.get("numba"), "config", None)
+COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and not getattr(_loaded_settings, "DISABLE_JIT", 0)
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 _untold: list[Callable[[], Any]] = []
