@@ -118,12 +118,11 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.task = self.task.changed(options)
         self._setup = prepare(self.task, self.np_random, PERIOD)
         self._bind()
-        rows = rows_of(self._cell)
-        rows[0][0] = self._setup.row
+        self._rows[0][0] = self._setup.row
         self._rated_torque = self.motor.rated_torque
         per_scale = 1.0 / np.array(scales_of(self.task.causality, self._rated_torque))
         self._cell[SCALE_CELLS] = per_scale
-        batch.start_batch(*rows, self._setup.table, self._setup.car_table)
+        batch.start_batch(*self._rows, self._setup.table, self._setup.car_table)
         self._period = 0
         self._draw_noise()
         speed = PARAMETERS.read(self._setup.row, "episode").speed
@@ -168,14 +167,14 @@ class SteerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _bind(self) -> None:
         """Compiled code and views of the cell at the addresses where the arrays now lie."""
-        self._report, setup = self._cell[REPORT_CELLS], self._setup
-        lines = rows_of(self._cell)[2][0]
+        self._rows, self._report, setup = rows_of(self._cell), self._cell[REPORT_CELLS], self._setup
         tables = setup.table, setup.car_table, setup.effects
-        self._advance = step_cell.bound(self._noise, self._cell, lines, self._scaled, *tables)
+        self._advance = step_cell.bound(self._noise, self._cell, self._rows[2][0], self._scaled, *tables)
 
     def __getstate__(self) -> dict[str, Any]:
         """All but what points into the arrays, so that a copy gets its own."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("_advance", "_report")}
+        bound = ("_advance", "_report", "_rows")
+        return {name: value for name, value in self.__dict__.items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

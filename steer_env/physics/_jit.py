@@ -16,6 +16,8 @@ compile anew in every process, or NUMBA_DISABLE_JIT=1 to run everything as plain
 from __future__ import annotations
 
 import os
+import sys
+import threading
 from collections.abc import Callable
 from functools import cached_property, update_wrapper
 from typing import Any, TypeVar
@@ -24,10 +26,12 @@ from steer_env.physics import _cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+_loaded_settings: Any = getattr(sys.modules.get("numba"), "config", None)
+COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and not getattr(_loaded_settings, "DISABLE_JIT", 0)
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 _untold: list[Callable[[], Any]] = []
+_telling = threading.RLock()  # a thread that comes while another tells has to wait until all is told
 
 
 def when_compiling(tell: Callable[[], Any]) -> None:
@@ -37,8 +41,9 @@ def when_compiling(tell: Callable[[], Any]) -> None:
 
 def tell_numba() -> None:
     """Load numba and tell it what it has to know; to be called before anything is compiled."""
-    while _untold:
-        _untold.pop(0)()
+    with _telling:
+        while _untold:
+            _untold.pop(0)()
 
 
 def scalar(function: F) -> F:
