@@ -85,7 +85,7 @@ def control_process(port: int, stall: float) -> None:
     from steer_env.rig.bus import open_bus
     from steer_env.rig.safety import SafetyLayer, State
     from steer_env.rig.safety_limits import Limits
-    from steer_env.rig.session import RigSession
+    from steer_env.rig.session import RigError, RigSession
     from steer_env.rig.shutdown import Shutdown
     from steer_env.rig.watchdog import Watchdog
 
@@ -100,8 +100,12 @@ def control_process(port: int, stall: float) -> None:
     session = RigSession(open_bus(**_bus(port)), motor, PLANTS["SbW"], patient, watchdog)
     session.safety = SafetyLayer(motor.rated_torque, patient, period=0.1)
     Shutdown(lambda: session.stop("the program ends")).install()
-    session.bring_up(20.0)
-    session.arm(20.0)
+    try:
+        session.bring_up(20.0)
+        session.arm(20.0)
+    except RigError as error:
+        print(error, flush=True)
+        raise
     for k in range(10**9):
         session.cycle(1.0 if k // 150 % 2 else -1.0)
         if k == 300:

@@ -62,7 +62,7 @@ def test_odrive_torque_and_estimates():
 
 
 def test_odrive_watchdog_bits_differ_between_firmwares():
-    old, new = make("odrive_05", rated_torque=4.0), make("odrive", rated_torque=4.0)
+    old, new = make("odrive_05", rated_torque=4.0), make("odrive", rated_torque=4.0, node=1)
     assert old.decode(Frame(0x021, bytes.fromhex("0008000001000000"))) == (DriveStatus("error", ("watchdog",), "idle"),)
     assert new.decode(Frame(0x021, bytes.fromhex("0000000101030000"))) == (DriveStatus("error", ("watchdog",), "idle"),)
     # Byte 5 is a motor error flag in 0.5 and the result of the last procedure in 0.6.

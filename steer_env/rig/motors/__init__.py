@@ -30,7 +30,7 @@ MOTORS: dict[str, Row] = {
     "simulated": Row("simulated", "Simulated", "SimulatedOptions"),
     "senso_wheel": Row("senso_wheel", "SensoWheel", "SensoOptions"),
     "odrive": Row("odrive", "Odrive", "OdriveOptions"),
-    "odrive_05": Row("odrive", "Odrive", "OdriveOptions", (("firmware", "0.5"),)),
+    "odrive_05": Row("odrive", "Odrive", "OdriveOptions", (("firmware", "0.5"), ("node", 1))),  # not 0: see bring_up
     "moteus": Row("moteus", "Moteus", "MoteusOptions"),
     "cia402": Row("cia402", "Cia402", "Cia402Options"),
 }

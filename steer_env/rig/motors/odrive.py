@@ -95,7 +95,6 @@ class OdriveOptions(Options):
     its velocity gain (unless ``enable_torque_mode_vel_limit`` is off): one that is too low weakens the motor at rest.
     """
 
-    node: int = 1
     firmware: str = "0.6"
     torque_constant: float | None = None
     rate_limit: float | None = None
