@@ -86,16 +86,16 @@ class Kind(NamedTuple):
 
 
 def _vehicle(env: Any, info: Info) -> Kind:
-    """What a car with this steering would log; the rack's force only where it is known."""
+    """What a car with this steering would log; the rack's force only where a rack is on the wheel and is known."""
     plant, car = env.plant, car_of(env)
-    pinion_ratio, real = car.file.vehicle.pinion_ratio, "rig" in info
+    pinion_ratio, rack = car.file.vehicle.pinion_ratio, "rig" not in info and plant.rack_share > 0.0
     names = tuple(VEHICLE.values())
 
     def values(seen: Info) -> list[float]:
         row = [seen[name] for name in names]
-        return row if real else [*row, seen["rack_torque"] * pinion_ratio]
+        return [*row, seen["rack_torque"] * pinion_ratio] if rack else row
 
-    columns = tuple(VEHICLE) if real else (*VEHICLE, "rack_force_N")
+    columns = (*VEHICLE, "rack_force_N") if rack else tuple(VEHICLE)
     return Kind(columns, values, {"vehicle": vehicle_table(car.file.vehicle), "steering": steering_keys(plant)})
 
 

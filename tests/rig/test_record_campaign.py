@@ -112,6 +112,17 @@ def test_a_torque_sensor_is_recorded_where_there_is_one(tmp_path):
         assert ("sensor_torque_Nm" in open_table(file).header) == there
 
 
+def test_a_wheel_without_a_rack_gets_no_column_of_its_force(tmp_path):
+    """Steer-by-wire: a column of zeros would be taken for a car without a steering trail."""
+    env = RecordCampaign(gymnasium.make("steer_env/SbW-Impedance-v0", duration=0.1), tmp_path, kind="vehicle")
+    drive(env)
+    env.close()
+    (file,) = (tmp_path / "runs").iterdir()
+    header = open_table(file).header
+    assert "rack_force_N" not in header
+    assert "yaw_rate_radps" in header
+
+
 KILLED = """
 import sys
 import gymnasium, steer_env
