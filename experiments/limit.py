@@ -27,10 +27,13 @@ from scipy.signal import cont2discrete
 
 import controllers
 from experiments.bench_cases import Maker
-from experiments.law_half import law_half, linearisable
+from experiments.bench_systems import SYSTEMS, System
+from experiments.law_half import has_law
 from experiments.linear_loop import HAND, MEASURED, MOTOR, PARTS, Half, delayed, environment_half
 from experiments.measures import JND
 from experiments.operating_points import Place, place_of
+from experiments.periodic_half import Halves
+from experiments.periodic_loop import law_halves
 from steer_env.envs.layout import LINES, PERIOD
 from steer_env.manoeuvres import MANOEUVRES
 from steer_env.physics.driver import Driver
@@ -84,11 +87,12 @@ def limits(
     speeds_kmh: Sequence[float],
     makers: Mapping[str, Maker] | None = None,
     arms: Sequence[str] = ARMS,
+    systems: Sequence[System] = SYSTEMS,
 ) -> list[Limit]:
-    """Limit and what controllers reach, for both plants and causalities; None where a loop is unstable."""
+    """Limit and what controllers with a pure law reach, on each system; None where a loop is unstable."""
     linear, own = Reference.load(reference, True), makers or {}
     found = []
-    for plant, causality in product(PLANTS, controllers.CAUSALITIES):
+    for plant, causality in systems:
         made = {
             name: (own.get(name) or partial(controllers.make, name))(PLANTS[plant], linear, causality) for name in names
         }
@@ -97,9 +101,9 @@ def limits(
             problem = problem_of(place, DRIVERS[arm], PLANTS[plant])
             least, share = optimum(problem)
             reached = {
-                name: reached_by(problem, law_half(controller, place))
+                name: reached_by(problem, law_halves(controller, place))
                 for name, controller in made.items()
-                if linearisable(controller)
+                if has_law(controller)
             }
             found.append(Limit(plant, causality, float(speed), arm, least, share, reached))
     return found
@@ -174,20 +178,31 @@ def optimum(problem: Problem) -> tuple[float, float]:
     return best
 
 
-def reached_by(problem: Problem, law: Half) -> float | None:
-    """Rms error in JND of a law's linear loop under the same hand and noise; None where it is unstable."""
-    n, m = len(problem.A), len(law.A)
+def reached_by(problem: Problem, law: Halves) -> float | None:
+    """Rms error in JND of a law's linear loop under the same hand and noise; None where it is unstable.
+
+    With several periods in a step the covariance is the one that comes back after a step, and the rms that over it.
+    """
+    n, m = len(problem.A), len(law[0].A)
     through = problem.environment.D[0, : len(MEASURED), MOTOR, None]
-    closed = np.block(
-        [[problem.A, problem.B @ law.C], [law.B @ problem.observed, law.A + law.B @ through @ law.C]]
-    )
-    if np.abs(np.linalg.eigvals(closed)).max() >= 1.0:
-        return None
     noise = np.zeros((n + m, n + m))
     noise[:n, :n] = problem.G @ problem.G.T
-    P = solve_discrete_lyapunov(closed, noise)[:n, :n]
-    ratio = (problem.C[ERROR] @ P @ problem.C[ERROR]) / (problem.C[WANTED] @ P @ problem.C[WANTED])
-    return float(np.sqrt(ratio)) / JND
+    periods = [
+        np.block([[problem.A, problem.B @ half.C], [half.B @ problem.observed, half.A + half.B @ through @ half.C]])
+        for half in law
+    ]
+    over, gathered = periods[0], noise
+    for closed in periods[1:]:
+        over, gathered = closed @ over, closed @ gathered @ closed.T + noise
+    if np.abs(np.linalg.eigvals(over)).max() >= 1.0:
+        return None
+    P = solve_discrete_lyapunov(over, gathered)
+    error = wanted = 0.0
+    for closed in periods:
+        error += problem.C[ERROR] @ P[:n, :n] @ problem.C[ERROR]
+        wanted += problem.C[WANTED] @ P[:n, :n] @ problem.C[WANTED]
+        P = closed @ P @ closed.T + noise
+    return float(np.sqrt(error / wanted)) / JND
 
 
 def _wanted_rms(problem: Problem) -> float:
