@@ -191,6 +191,10 @@ def reached_by(problem: Problem, law: Halves) -> float | None:
         np.block([[problem.A, problem.B @ half.C], [half.B @ problem.observed, half.A + half.B @ through @ half.C]])
         for half in law
     ]
+    # What no noise reaches stays where it is (an integral that waits, a count of periods): it would make P singular.
+    moved = _reached(noise, periods)
+    noise, periods = noise[np.ix_(moved, moved)], [closed[np.ix_(moved, moved)] for closed in periods]
+    truths = np.hstack([problem.C, np.zeros((len(problem.C), m))])[:, moved]
     over, gathered = periods[0], noise
     for closed in periods[1:]:
         over, gathered = closed @ over, closed @ gathered @ closed.T + noise
@@ -199,10 +203,19 @@ def reached_by(problem: Problem, law: Halves) -> float | None:
     P = solve_discrete_lyapunov(over, gathered)
     error = wanted = 0.0
     for closed in periods:
-        error += problem.C[ERROR] @ P[:n, :n] @ problem.C[ERROR]
-        wanted += problem.C[WANTED] @ P[:n, :n] @ problem.C[WANTED]
+        error += truths[ERROR] @ P @ truths[ERROR]
+        wanted += truths[WANTED] @ P @ truths[WANTED]
         P = closed @ P @ closed.T + noise
     return float(np.sqrt(error / wanted)) / JND
+
+
+def _reached(noise: Array, periods: Sequence[Array]) -> NDArray[np.bool_]:
+    """Which states a noise with this covariance moves, at once or through others."""
+    moved: NDArray[np.bool_] = np.diag(noise) > 0.0
+    paths = np.any([closed != 0.0 for closed in periods], axis=0)  # [to, from]
+    for _ in moved:
+        moved = moved | paths[:, moved].any(axis=1)
+    return moved
 
 
 def _wanted_rms(problem: Problem) -> float:
