@@ -36,6 +36,11 @@ def has_law(controller: object) -> bool:
     return hasattr(controller, "law")
 
 
+def periods_in_step(controller: object) -> int:
+    """Control periods from one action of a controller to the next: 1, or the ``decimation`` of a policy."""
+    return int(getattr(controller, "decimation", 1))
+
+
 def law_half(controller: Controller, place: Place) -> Half:
     """The controller, just reset, about a place: inputs MEASURED, output the motor's target of the period to come.
 

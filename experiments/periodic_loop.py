@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from experiments import periodic_half
-from experiments.law_half import has_law, settled, slopes_at
+from experiments.law_half import has_law, periods_in_step, settled, slopes_at
 from experiments.linear_loop import Complexes, environment_half
 from experiments.operating_points import POINTS, Place, place_of
 from experiments.perfect_tracking import growths
@@ -33,7 +33,7 @@ def law_halves(controller: Controller, place: Place) -> Halves:
     The state of a law with ``decimation`` periods in a step has a field ``tick``, somewhere inside, that counts them.
     """
     state, observation = settled(controller, place)
-    count = int(getattr(controller, "decimation", 1))
+    count = periods_in_step(controller)
     phases = [state] if count == 1 else [_at_tick(state, float(k)) for k in range(count)]
     return tuple(slopes_at(controller.law, controller.parameters, phase, observation) for phase in phases)
 

@@ -3,7 +3,7 @@
     python -m experiments.policy_scores SbW-Impedance policy:runs/0 policy:runs/1 policy:runs/2 pid lqg [--draws 3]
 
 The benchmark's own test cases, scores, bootstrap intervals and gates, in a table: ``steer-env benchmark --controller
-policy:runs/0`` has all else (exhibits, margins, limit, Z-width, cost) in a report. ``--shake`` tells what no gate asks:
+policy:runs/0`` has all else (exhibits, margins, Z-width, cost) in a report. ``--shake`` tells what no gate asks:
 commands up to 6 ms later than the controller was told, and torque sensors with a wrong gain or an offset, in simulation
 over all arms. Friction and limits catch many an unstable loop in a limit cycle before the wheel is thrown out, so what
 still swings after some seconds of rest counts too.

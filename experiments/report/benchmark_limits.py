@@ -27,6 +27,11 @@ def limit(report: Report, summary: Record, looks: Looks) -> None:
         return
     report.section("Distance to the limit")
     report.text(" ".join(_sentences(records, looks)))
+    if summary.get("policies"):
+        report.text(
+            "Policies are left out: the limit is that of a linear loop, and what a policy's loop does about one point "
+            "says little of its error elsewhere."
+        )
     report.figure(
         limits(records, looks),
         "Tracking error in JND of the linear loop: the limit (black) and what controllers reach, median over arms. The "

@@ -70,11 +70,11 @@ def test_the_linear_error_is_that_of_the_compiled_loop():
         errors.append(found.C[:2] @ x)
         x, m = found.A @ x + found.B @ u + found.G @ noise, law.A @ m + law.B @ seen
     error, wanted = np.sqrt(np.mean(np.square(errors), axis=0))
-    assert error / wanted / 0.15 == pytest.approx(reached_by(found, (law,)), rel=0.1)
+    assert error / wanted / 0.15 == pytest.approx(reached_by(found, law), rel=0.1)
 
 
 def test_an_unstable_loop_reaches_nothing():
     found = problem("EPAS")
     place = place_of(PLANTS["EPAS"], "impedance", LINEAR, 75.0, "centre_sliding")
     law = law_half(controllers.make("pid", PLANTS["EPAS"], LINEAR, "impedance"), place)
-    assert reached_by(found, (law._replace(C=-5.0 * law.C),)) is None
+    assert reached_by(found, law._replace(C=-5.0 * law.C)) is None
