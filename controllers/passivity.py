@@ -34,6 +34,7 @@ law's, bit by bit. ``gains`` are the wrapper's; the inner law takes its shipped 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any, NamedTuple
 
@@ -42,7 +43,7 @@ from controllers.blocks import Notch, NotchState, low_pass, notch_step, torque_o
 from controllers.hardware import bar_notch, total_delay
 from controllers.law import PERIOD, Gain, LawController, with_gains
 from controllers.schedule import Schedule, felt_at, schedule_of
-from steer_env.interface import Law, Observation
+from steer_env.interface import Controller, Law, Observation
 from steer_env.physics._jit import named, scalar
 from steer_env.physics.friction import dahl_step
 from steer_env.plants import Plant, Reference
@@ -179,6 +180,19 @@ def yielding(inner: Law) -> Law:
     return scalar(named(law, inner.__module__, inner))
 
 
+class PassivityController(LawController):
+    """A LawController whose law repeats itself only as often as the one inside."""
+
+    def __init__(self, law: Law, design: Callable[[float], Any], around: Controller) -> None:
+        self.around = around
+        super().__init__(law, design, PassivityState(around.state()))
+
+    @property
+    def decimation(self) -> int:
+        """Control periods from one step of the law inside to the next."""
+        return int(getattr(self.around, "decimation", 1))
+
+
 def make(plant: Plant, reference: Reference, causality: str, inner: str = "pid", **gains: Gain) -> LawController:
     """The law ``inner`` (any name that controllers.make takes) with a passivity observer and controller."""
     around = controllers.make(inner, plant, reference, causality)
@@ -201,4 +215,4 @@ def make(plant: Plant, reference: Reference, causality: str, inner: str = "pid",
 
     stiff = bar_notch(plant, PERIOD) != Notch()
     wrap = yielding if causality == "admittance" and stiff else damped
-    return LawController(wrap(around.law), for_period, PassivityState(around.state()))
+    return PassivityController(wrap(around.law), for_period, around)

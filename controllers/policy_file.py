@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors import numpy as safetensors
 
+from controllers.own import inner_of
 from controllers.tuning import loop_name
 from steer_env import atomic
 from steer_env.errors import InputError
@@ -120,6 +121,24 @@ def folder_of(name: str) -> Path | None:
     """The folder of policy:FOLDER, also inside of a wrapper's name; None for any other name."""
     _, found, folder = name.partition(f"{PREFIX}:")
     return Path(folder).expanduser().resolve() if found else None
+
+
+def systems_of(name: str) -> tuple[tuple[str, str], ...] | None:
+    """(Plant, causality) that a policy is made for, also in a wrapper; None for a controller that is no policy."""
+    inner = inner_of(name)
+    if inner:
+        return systems_of(inner)
+    if not is_policy(name):
+        return None
+    folder = folder_of(name)
+    there = [load(folder)] if folder is not None else [load(path) for path in folders().values()]
+    return tuple((policy.plant, policy.causality) for policy in there)
+
+
+def named(name: str, plant: str, causality: str) -> Policy:
+    """The policy of a controller's name, on one of its ``systems_of``."""
+    folder = folder_of(name)
+    return shipped(plant, causality) if folder is None else load(folder)
 
 
 @cache

@@ -15,19 +15,12 @@ from numpy.typing import NDArray
 
 from experiments import perfect_tracking
 from experiments.arm_radius import SCALES, radius, scaled_arm
-from experiments.law_half import law_half
-from experiments.linear_loop import (
-    Half,
-    closed_loop,
-    environment_half,
-    impedances,
-    loop_response,
-    modes,
-    response,
-)
+from experiments.linear_loop import Half, environment_half, first_of, impedances, loop_response, response
 from experiments.margins import Margins, margins
 from experiments.operating_points import POINTS, Place, place_of
 from experiments.perfect_tracking import NO_ARM
+from experiments.periodic_half import Halves, closed_loops, step_modes, step_response
+from experiments.periodic_loop import law_halves
 from steer_env.envs.layout import PERIOD
 from steer_env.interface import Controller
 from steer_env.physics.driver import Driver
@@ -129,10 +122,11 @@ def _at(
 ) -> list[Assessment]:
     """Assessments at a place, arm by arm; ``names`` are plant, causality and speed in km/h."""
     around = _surroundings(place, tuple(arms.values()))
-    law = law_half(controller, place)
-    law_response = response(law, OMEGA)
-    rates = modes(closed_loop(around.scaled, law))
-    felt = impedances(closed_loop(around.free, law), PASSIVITY_OMEGA)
+    law = law_halves(controller, place)
+    law_response = step_response(law, OMEGA)
+    rates = step_modes(closed_loops(around.scaled, law))
+    free = tuple(map(first_of, closed_loops(around.free, law)))
+    felt = impedances(step_response(free, PASSIVITY_OMEGA), PASSIVITY_OMEGA)
     gaps = [float(np.min((Z - Z_ref).real)) for Z, Z_ref in zip(felt, around.reference_impedances, strict=True)]
     found = []
     for k, (name, arm) in enumerate(arms.items()):
@@ -146,7 +140,7 @@ def _at(
 
         def loop_growth(scale: float, arm: Driver = arm) -> float:
             half = environment_half(place, [scaled_arm(arm, scale)])
-            return float(modes(closed_loop(half, law))[0][0].real)
+            return float(step_modes(closed_loops(half, law))[0][0].real)
 
         def own_growth(scale: float, arm: Driver = arm) -> float:
             return float(perfect_tracking.growths(place, [scaled_arm(arm, scale)])[0])
@@ -160,7 +154,7 @@ def _at(
     return found
 
 
-def _margins(loop: Complexes, environment: Half, law: Half, rates: Complexes) -> Margins:
+def _margins(loop: Complexes, environment: Half, law: Halves, rates: Complexes) -> Margins:
     """Margins over OMEGA and, so that no sharp peak is missed, around the loop's own modes.
 
     Against ten times as many frequencies this is within 1 % nearly everywhere and never 10 % off.
@@ -168,7 +162,7 @@ def _margins(loop: Complexes, environment: Half, law: Half, rates: Complexes) ->
     sharp = rates[np.abs(rates.real) < 0.5 * rates.imag]
     extra = (sharp.imag[:, None] + BESIDE * np.abs(sharp.real[:, None])).ravel()
     extra = extra[(extra > OMEGA[0]) & (extra < OMEGA[-1])]
-    peaks = loop_response(response(environment, extra), response(law, extra))
+    peaks = loop_response(response(environment, extra), step_response(law, extra))
     omega, order = np.unique(np.concatenate([OMEGA, extra]), return_index=True)
     return margins(np.concatenate([loop, peaks])[order], omega)
 

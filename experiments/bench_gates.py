@@ -16,11 +16,11 @@ from typing import Any
 import controllers
 from experiments import robustness
 from experiments.bench_cases import Maker
-from experiments.law_half import law_half, linearisable
+from experiments.bench_systems import SYSTEMS, System
+from experiments.law_half import has_law, law_half
 from experiments.linear_loop import Half, closed_loop, environment_half, modes
 from experiments.operating_points import POINTS, Place, place_of
 from experiments.perfect_tracking import growths
-from experiments.periodic_loop import unstable_places
 from steer_env.plants import DRIVERS, PLANTS, Reference
 
 Result = dict[str, Any]
@@ -36,33 +36,28 @@ def gates_of(
     quick: bool = False,
     jobs: int = 1,
     advance: Advance = lambda *_, **__: None,
-    plants: Sequence[str] = tuple(PLANTS),
+    systems: Sequence[System] = SYSTEMS,
 ) -> tuple[dict[str, list[str]], dict[str, Any]]:
     """(Why each controller is unsafe, by name; the proof as plain values for scores.json)."""
     speeds = tuple((robustness.QUICK_KMH,) if quick else (row.speed_kmh for row in reference.file.rows))
-    places = list(product(plants, controllers.CAUSALITIES))
-    plain = tuple(name for name in names if name not in makers and has_law(partial(controllers.make, name), reference))
-    own = {name: make for name, make in makers.items() if has_law(make, reference)}
-    systems = [robustness.System(plant, causality, plain, reference, speeds) for plant, causality in places]
+    first = systems[0]
+
+    def proven(make: Maker) -> bool:
+        return has_law(make(PLANTS[first[0]], reference, first[1]))
+
+    plain = tuple(name for name in names if name not in makers and proven(partial(controllers.make, name)))
+    own = {name: make for name, make in makers.items() if proven(make)}
+    work = [robustness.System(plant, causality, plain, reference, speeds) for plant, causality in systems]
     found: list[list[robustness.Findings]] = []
-    for done in robustness.each_system(systems, jobs) if plain else ():
+    for done in robustness.each_system(work, jobs) if plain else ():
         found.append(done)
         advance(note="proof")
     for name, make in own.items():
-        found.append([robustness.findings_of(name, make, *place, reference, speeds) for place in places])
+        found.append([robustness.findings_of(name, make, *system, reference, speeds) for system in systems])
     proof = robustness.summary_of(found, reference.source)
     weak = {_place(a) for a in proof["assessments"] if not a["reference_stable"]}
     gates = {name: [*_failures(name, proof), *unstable_episodes(name, results, weak)] for name in names}
-    for name in names:
-        make = makers.get(name) or partial(controllers.make, name)
-        for place in places:
-            gates[name] += unstable_places(make, *place, reference, speeds)
     return gates, {key: proof[key] for key in ("limits", "gates", "confirmations", "assessments")}
-
-
-def has_law(make: Maker, reference: Reference) -> bool:
-    """Whether a controller can be linearised as a whole; see ``law_half.linearisable``."""
-    return linearisable(make(next(iter(PLANTS.values())), reference, controllers.CAUSALITIES[0]))
 
 
 def unstable_episodes(name: str, results: Sequence[Result], weak: set[Where]) -> list[str]:

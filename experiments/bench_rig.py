@@ -31,6 +31,7 @@ from experiments.bench_protocol import Protocol
 from experiments.bench_ranking import case_score
 from experiments.bench_run import batches_of, run_cases
 from experiments.bench_store import Store
+from experiments.bench_systems import SYSTEMS, System
 from experiments.rig_truth import true_signals
 from experiments.rollout import Episode
 from experiments.worker_pool import worker_pool
@@ -48,7 +49,7 @@ from steer_env.rig.virtual.wheel import PERFECT
 Result = dict[str, Any]
 Advance = Callable[..., None]
 
-PLANT = "SbW"  # what a rig is
+RIG_SYSTEMS = tuple(system for system in SYSTEMS if system[0] == "SbW")  # what a rig is
 # As wide as they may be: a limiter that acts would be scored with the controller; the simulation has none. An episode
 # ends early where a simulated one does (RATE_LIMIT, TORQUE_LIMIT), or at a fault of the drive or of the bus.
 WIDEST = Limits(
@@ -80,9 +81,12 @@ class Beside(NamedTuple):
     limited: float
 
 
-def rig_cases(names: Sequence[str], protocol: Protocol, quick: bool = True) -> list[Case]:
+def rig_cases(
+    names: Sequence[str], protocol: Protocol, quick: bool = True, systems: Sequence[System] = RIG_SYSTEMS
+) -> list[Case]:
     """The scored cases of controllers that a rig can drive; ``quick``: 75 km/h, the relaxed arm, one draw."""
-    return [case for name in names for case in protocol.test_cases(name, quick) if case.plant == PLANT]
+    cases = [case for name in names for case in protocol.test_cases(name, quick)]
+    return [case for case in cases if (case.plant, case.causality) in systems]
 
 
 class Driven(NamedTuple):
@@ -103,15 +107,16 @@ def rig_benchmark(
     store: Path | None = None,
     advance: Advance = lambda *_, **__: None,
     makers: Mapping[str, Maker] | None = None,
+    systems: Sequence[System] = RIG_SYSTEMS,
 ) -> Driven:
     """The cases through the CAN path and simulated, and the linear proof of the same loops (of the simulated plant)."""
     protocol, own = Protocol.load(), makers or {}
-    cases = rig_cases(names, protocol, quick)
+    cases = rig_cases(names, protocol, quick, systems)
     results = run_on_rig(cases, reference, motor, seed, jobs, store, advance, own)
     simulated = run_cases(cases, reference, seed, jobs, store, advance, own)
     for here, there in zip(results, simulated, strict=True):
         here["rig"]["simulated_score"] = case_score(there, protocol)
-    gates, proof = gates_of(names, reference, results, own, quick, jobs, advance, (PLANT,))
+    gates, proof = gates_of(names, reference, results, own, quick, jobs, advance, systems)
     rows = [row._asdict() for row in beside(results, simulated, protocol)]
     return Driven(results, gates, {**proof, "rig": {"motor": motor, "beside": rows}})
 

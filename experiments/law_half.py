@@ -31,20 +31,21 @@ _observation = loader(Observation, 0)
 SWINGING, QUIET, SLIDING = 3.0, 0.5, 0.8  # s
 
 
-def linearisable(controller: object) -> bool:
-    """Whether one period of a controller's law is like the next, so that a half stands for all of them.
+def has_law(controller: object) -> bool:
+    """Whether a controller has a pure law, which can be linearised (experiments.periodic_loop) and runs compiled."""
+    return hasattr(controller, "law")
 
-    It is not where there is no pure law, or one that acts anew only every few periods (a policy); of
-    those, experiments.periodic_loop knows the modes.
-    """
-    return hasattr(controller, "law") and getattr(controller, "decimation", 1) == 1
+
+def periods_in_step(controller: object) -> int:
+    """Control periods from one action of a controller to the next: 1, or the ``decimation`` of a policy."""
+    return int(getattr(controller, "decimation", 1))
 
 
 def law_half(controller: Controller, place: Place) -> Half:
     """The controller, just reset, about a place: inputs MEASURED, output the motor's target of the period to come.
 
-    States: the law's own and the last commands. A period's target follows from what was seen in the
-    period before, so D is zero.
+    One half stands for every period: not for a policy, see ``periodic_loop.law_halves``. States: the law's own and the
+    last commands. A period's target follows from what was seen in the period before, so D is zero.
     """
     state, observation = settled(controller, place)
     return slopes_at(controller.law, controller.parameters, state, observation)

@@ -111,16 +111,19 @@ def loop_response(environment: Complexes, law: Complexes) -> Complexes:
     return -np.sum(law[:, 0, :] * environment[:, : len(MEASURED), MOTOR], axis=1)
 
 
-def impedances(half: Half, omega: Array) -> tuple[Complexes, Complexes]:
+def impedances(ports: Complexes, omega: Array) -> tuple[Complexes, Complexes]:
     """(Hand torque over wheel rate, torsion-bar torque over pinion rate) in N m s/rad at omega [f] in rad/s.
 
-    Of the first loop in ``half``. The hand's torque is held over a period and the rate seen at its
-    end; what that does to size and phase is taken out.
+    ``ports`` [f, PORTS, 1] is the loop's response to the hand's torque, which is held over a period, and the rate is
+    seen at its end; what that does to size and phase is taken out.
     """
-    first = Half(*(matrix[0] for matrix in half))
-    ports = response(first, omega)[:, :, 0]
     held = np.exp(0.5j * omega * PERIOD) * np.sinc(0.5 * omega * PERIOD / np.pi)
-    return held / ports[:, WHEEL_RATE], ports[:, BAR_TORQUE] / ports[:, PINION_RATE]
+    return held / ports[:, WHEEL_RATE, 0], ports[:, BAR_TORQUE, 0] / ports[:, PINION_RATE, 0]
+
+
+def first_of(half: Half) -> Half:
+    """The first of the loops in ``half``."""
+    return Half(*(matrix[0] for matrix in half))
 
 
 def modes(half: Half) -> list[Complexes]:

@@ -1,23 +1,24 @@
 """Coupled stability of a law that acts anew only every few periods, such as a policy at 200 Hz in a loop at 1 kHz.
 
-One period of it is not like the next, so a loop has no modes of one period. It has them of one whole
-step (Floquet): the matrices of its periods, multiplied in order, carry the loop from step to step, and
-it is stable where all their eigenvalues lie inside the unit circle.
+One period of it is not like the next, so a loop has modes of one whole step alone (experiments.periodic_half). What
+holds for such a law holds for any other: there a step is a period.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import reduce
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from experiments.law_half import linearisable, settled, slopes_at
-from experiments.linear_loop import AT_REST, Complexes, Half, closed_loop, environment_half, modes
+from experiments import periodic_half
+from experiments.law_half import has_law, periods_in_step, settled, slopes_at
+from experiments.linear_loop import Complexes, environment_half
 from experiments.operating_points import POINTS, Place, place_of
 from experiments.perfect_tracking import growths
+from experiments.periodic_half import Halves, closed_loops
 from steer_env.envs.layout import PERIOD
 from steer_env.interface import Controller
 from steer_env.physics.driver import Driver
@@ -26,15 +27,36 @@ from steer_env.plants import DRIVERS, PLANTS, Plant, Reference
 Make = Callable[[Plant, Reference, str], Controller]
 
 
+def law_halves(controller: Controller, place: Place) -> Halves:
+    """The law about a place in each period of its step; the controller has just been reset.
+
+    The state of a law with ``decimation`` periods in a step has a field ``tick``, somewhere inside, that counts them.
+    """
+    state, observation = settled(controller, place)
+    count = periods_in_step(controller)
+    phases = [state] if count == 1 else [_at_tick(state, float(k)) for k in range(count)]
+    return tuple(slopes_at(controller.law, controller.parameters, phase, observation) for phase in phases)
+
+
+def _at_tick(state: Any, tick: float) -> Any:
+    """The same state in another period of the step."""
+    changed = {
+        name: tick if name == "tick" else _at_tick(value, tick)
+        for name, value in zip(state._fields, state, strict=True)
+        if name == "tick" or isinstance(value, tuple)
+    }
+    return state._replace(**changed)
+
+
 def unstable_places(
     make: Make, plant: str, causality: str, reference: Reference, speeds_kmh: Sequence[float]
 ) -> list[str]:
     """Places (speed, operating point, arm) with a stable reference at which the loop grows, in words.
 
-    Empty for what is no periodic law: experiments.robustness proves those.
+    Empty for what has no pure law.
     """
     controller = make(PLANTS[plant], reference, causality)
-    if linearisable(controller) or not hasattr(controller, "law"):
+    if not has_law(controller):
         return []
     return [
         f"{plant} {causality}, {speed:g} km/h, {point}, {arm}: "
@@ -64,22 +86,5 @@ def growing(
 
 
 def step_modes(controller: Controller, place: Place, arms: Sequence[Driver]) -> list[Complexes]:
-    """Modes of the loop with each arm in rad/s, fastest growing first; frequencies beyond half the step rate fold.
-
-    The controller has just been reset; its state has a field ``tick`` that counts the periods of a step.
-    """
-    state, observation = settled(controller, place)
-    environment = environment_half(place, arms)
-    count = int(getattr(controller, "decimation", 1))
-    phases = [state] if linearisable(controller) else [state._replace(tick=float(k)) for k in range(count)]
-    loops = [
-        closed_loop(environment, slopes_at(controller.law, controller.parameters, phase, observation))
-        for phase in phases
-    ]
-    carried = reduce(lambda before, loop: loop.A @ before, loops[1:], loops[0].A)
-    first = loops[0]
-    found = []
-    for rates in modes(Half(carried, first.B, first.C, first.D)):
-        slower = rates / count
-        found.append(slower[np.abs(slower) > AT_REST])
-    return found
+    """Modes of the loop with each arm in rad/s, fastest growing first; frequencies beyond half the step rate fold."""
+    return periodic_half.step_modes(closed_loops(environment_half(place, arms), law_halves(controller, place)))

@@ -33,6 +33,7 @@ from rich.table import Table
 import controllers
 from controllers.law import LawController
 from experiments.bench_cases import Maker
+from experiments.bench_systems import SYSTEMS, System
 from experiments.step_times import Array, compiled_passes, nothing, python_pass, recorded
 from steer_env.envs.layout import PERIOD
 from steer_env.envs.task import Task
@@ -105,19 +106,25 @@ def costs(plant: Plant, steps: int, names: tuple[str, ...] = tuple(controllers.C
 
 
 def reported(
-    names: Sequence[str], reference: Reference, makers: Mapping[str, Maker] | None = None
+    names: Sequence[str],
+    reference: Reference,
+    makers: Mapping[str, Maker] | None = None,
+    systems: Sequence[System] = SYSTEMS,
 ) -> dict[str, dict[str, float]]:
-    """Median and 99.9th percentile in microseconds, compiled and on EPAS, of the slower causality of each controller.
+    """Median and 99.9th percentile in microseconds, compiled, of the slower causality of each controller.
+
+    On the plant of the first of the systems, in the causalities that they have of it.
 
     ``makers`` stand in for controllers by name. Those without a pure law cannot run compiled and are left out.
     """
     found: dict[str, dict[str, float]] = {}
-    for name, causality in product(names, controllers.CAUSALITIES):
+    plant = systems[0][0]
+    for name, causality in product(names, [causality for where, causality in systems if where == plant]):
         make = (makers or {}).get(name) or partial(controllers.make, name)
-        controller = make(PLANTS["EPAS"], reference, causality)
+        controller = make(PLANTS[plant], reference, causality)
         if not hasattr(controller, "law"):
             continue
-        rows = recorded(Task("EPAS", causality, reference, driver="tense"), controller, REPORTED_STEPS)
+        rows = recorded(Task(plant, causality, reference, driver="tense"), controller, REPORTED_STEPS)
         controller.reset(PERIOD)
         _, times, _ = compiled_passes(controller.law, controller.state(), controller.parameters, rows, PASSES)
         p50, p999 = (float(ns) / 1e3 for ns in np.quantile(times.min(axis=0), (0.5, 0.999)))

@@ -21,10 +21,13 @@ from numpy.typing import NDArray
 
 import controllers
 from experiments.bench_cases import Maker
-from experiments.law_half import law_half, linearisable
-from experiments.linear_loop import closed_loop, environment_half, modes
+from experiments.bench_systems import SYSTEMS, System
+from experiments.law_half import has_law
+from experiments.linear_loop import environment_half
 from experiments.operating_points import POINTS, Place, place_of
 from experiments.perfect_tracking import growths
+from experiments.periodic_half import closed_loops, step_modes
+from experiments.periodic_loop import law_halves
 from steer_env.envs.layout import PERIOD, STATE
 from steer_env.errors import InputError
 from steer_env.interface import Controller
@@ -59,13 +62,14 @@ def z_widths(
     reference: Reference,
     makers: Mapping[str, Maker] | None = None,
     advance: Callable[..., None] = lambda *_, **__: None,
+    systems: Sequence[System] = SYSTEMS,
 ) -> list[ZWidth]:
-    """Of every controller that can be linearised, on both plants and in both causalities; makers by name."""
+    """Of every controller with a pure law, on each system; makers by name."""
     speed_kmh = min((row.speed_kmh for row in reference.file.rows), key=lambda speed: abs(speed - SPEED_KMH))
     found = []
-    for plant, causality in product(PLANTS, controllers.CAUSALITIES):
+    for plant, causality in systems:
         makes = {name: (makers or {}).get(name) or partial(controllers.make, name) for name in names}
-        makes = {k: make for k, make in makes.items() if linearisable(make(PLANTS[plant], reference, causality))}
+        makes = {k: make for k, make in makes.items() if has_law(make(PLANTS[plant], reference, causality))}
         own, stable = rendered(makes, plant, causality, reference, speed_kmh)
         for name, mask in stable.items():
             width = float(mask.sum() / own.sum()) if own.any() else None
@@ -105,7 +109,7 @@ def rendered(
             environment, bears = environment_half(place, arms), growths(place, arms) < 0.0
             own[i, j] &= bears.all()
             for name, controller in made.items():
-                loops = modes(closed_loop(environment, law_half(controller, place)))
+                loops = step_modes(closed_loops(environment, law_halves(controller, place)))
                 stable[name][i, j] &= all(not loop.size or loop[0].real < 0.0 for loop in loops)
     return own, {name: mask & own for name, mask in stable.items()}
 

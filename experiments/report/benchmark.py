@@ -17,6 +17,7 @@ from experiments.report.benchmark_plants import nominal_numbers, plant_section
 from experiments.report.benchmark_ranking import answer, where_from
 from experiments.report.benchmark_rig import beside_simulation
 from experiments.report.benchmark_robustness import robustness
+from experiments.report.benchmark_scope import policies, scope, subtitle
 from experiments.report.page import Report
 from experiments.report.style import looks_of
 
@@ -37,7 +38,7 @@ def make_report(summary: Mapping[str, Any], exhibits: Sequence[Result], scored: 
     looks = {name: looks[name] for name in dict.fromkeys([*(s["controller"] for s in ranking), *looks])}  # best first
     report = Report(
         "Controllers that have to feel like their reference",
-        "EPAS and steer-by-wire, torque tracking (impedance) and angle tracking (admittance)",
+        subtitle(summary),
         {
             **{name: summary[name] for name in ("protocol", "reference", "seed") if name in summary},
             "controllers": len(looks),
@@ -45,12 +46,14 @@ def make_report(summary: Mapping[str, Any], exhibits: Sequence[Result], scored: 
         },
     )
     report.section("The answer")
+    scope(report, summary)
     if ranking:
         answer(report, summary, looks)
     else:
         missing = "No test case was driven, so there is no ranking: only exhibits on the nominal plant."
         report.text("There is no ranking." if scored else missing)
         nominal_numbers(report, summary, looks)
+    policies(report, summary, looks)
     beside_simulation(report, summary, looks)
     where_from(report, scored, looks)
     robustness(report, summary, looks)

@@ -13,7 +13,7 @@ from experiments.report.style import INK, TEMPLATE, Look
 
 LEAST_JND = 0.01  # where a score of zero is drawn on a logarithmic axis
 TICKS_JND = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10)
-ALL = "all systems"
+ALL = "together"
 ROW_PX = 30
 
 
@@ -21,7 +21,8 @@ def intervals(
     ranking: Sequence[Mapping[str, Any]], systems: Sequence[Mapping[str, Any]], looks: Mapping[str, Look]
 ) -> go.Figure:
     """Best on top as ranked over all systems; hollow where a controller is unsafe; a line at one JND."""
-    panels = {ALL: ranking} | {f"{s['plant']}<br>{s['causality']}": s["ranking"] for s in systems}
+    panels = {ALL: ranking} if len(systems) != 1 else {}  # the only system is all there is
+    panels |= {f"{s['plant']}<br>{s['causality']}": s["ranking"] for s in systems}
     names = [standing["controller"] for standing in ranking]
     figure = make_subplots(
         1, len(panels), shared_yaxes=True, horizontal_spacing=0.015, column_titles=list(panels),

@@ -10,6 +10,7 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from experiments.report.benchmark_scope import systems_in
 from experiments.report.page import Report
 from experiments.report.style import REFERENCE, TEMPLATE, Look
 from steer_env.envs.layout import PERIOD
@@ -26,6 +27,11 @@ def limit(report: Report, summary: Record, looks: Looks) -> None:
         return
     report.section("Distance to the limit")
     report.text(" ".join(_sentences(records, looks)))
+    if summary.get("policies"):
+        report.text(
+            "Policies are left out: the limit is that of a linear loop, and what a policy's loop does about one point "
+            "says little of its error elsewhere."
+        )
     report.figure(
         limits(records, looks),
         "Tracking error in JND of the linear loop: the limit (black) and what controllers reach, median over arms. The "
@@ -90,8 +96,9 @@ def step_cost(report: Report, summary: Record, looks: Looks) -> None:
              f"{100.0 * cost['p999_us'] / period_us:.2f}"]
             for name, cost in sorted(costs.items(), key=lambda item: item[1]["p50_us"])
         ],
-        "Time of one call of the compiled law in a loop with EPAS, the slower causality of the two, the least of three "
-        f"passes over the same observations, on the machine of this run; the control period is {period_us:.0f} µs.",
+        f"Time of one call of the compiled law in a loop with {systems_in(summary)[0][0]}, in the slower of the "
+        "causalities, the least of three passes over the same observations, on the machine of this run; the control "
+        f"period is {period_us:.0f} µs.",
     )  # fmt: skip
 
 

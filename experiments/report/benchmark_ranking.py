@@ -9,6 +9,7 @@ from markupsafe import Markup, escape
 
 from experiments.report.benchmark_intervals import intervals
 from experiments.report.benchmark_safety import Safety, safeties
+from experiments.report.benchmark_scope import all_words
 from experiments.report.benchmark_scores import by_everything, cell_of, columns_of, score_maps
 from experiments.report.page import Report
 from experiments.report.style import Look
@@ -29,9 +30,9 @@ def answer(report: Report, summary: Record, looks: Looks) -> None:
     report.table(
         ["rank (95\u00a0%)", "controller", "score\u00a0[JND] (95\u00a0%)", "best", "unstable", "safety"],
         [_row(standing, found[standing["controller"]], looks) for standing in ranking],
-        "All systems. Score: interquartile mean over the test cases of the distance to the reference, in just "
-        "noticeable differences (JND). In brackets the 95 % intervals; best: chance of being the best; both from a "
-        "bootstrap. An unsafe controller stands behind every safe one. Unstable: episodes, those with an unstable "
+        f"{all_words(summary)}. Score: interquartile mean over the test cases of the distance to the reference, in "
+        "just noticeable differences (JND). In brackets the 95 % intervals; best: chance of being the best; both from "
+        "a bootstrap. An unsafe controller stands behind every safe one. Unstable: episodes, those with an unstable "
         "reference too.",
         dense=True,
     )

@@ -1,5 +1,6 @@
 """How our figures look: colours that colour-blind readers can tell apart, engineering axes."""
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -44,9 +45,9 @@ class Look(NamedTuple):
 
 
 def looks_of(names: Sequence[str]) -> dict[str, Look]:
-    """A look per distinct name, in order of appearance; of a path only its last part is the label."""
+    """A look per distinct name, in order of appearance; of a path only its last part (and "policy:") is the label."""
     colours = colour_of(names)
-    ends = [name.rsplit("/", 1)[-1] for name in colours]
+    ends = [re.sub(r"^((?:\w{2,}:)*).*/", r"\1", name) for name in colours]
     return {
         name: Look(end if ends.count(end) == 1 else name, colour, SYMBOLS[k % len(SYMBOLS)])
         for k, ((name, colour), end) in enumerate(zip(colours.items(), ends, strict=True))

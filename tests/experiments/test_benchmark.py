@@ -221,10 +221,3 @@ def test_the_words_follow_the_numbers():
     thrown = verdicts([fabricated("open_loop_map", 0.4), fabricated("pid", 0.1, stable=False)])[1]
     assert thrown.short == "unstable in 1 case"
     assert thrown.error is None
-
-
-def test_a_policy_is_scored_where_it_was_trained() -> None:
-    """It would have no law on three of the four systems: told at once, with the command that scores it."""
-    done = CliRunner().invoke(main, ["benchmark", "--quick", "--controller", "policy"])
-    assert done.exit_code == 2, done.output
-    assert "experiments.policy_scores" in done.stderr

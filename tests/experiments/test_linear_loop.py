@@ -107,7 +107,7 @@ def test_sliding_friction_is_no_spring_and_sticking_friction_is():
         place = place_of(PLANTS["EPAS"], "impedance", REFERENCE, 75.0, point)
         environment = linear_loop.environment_half(place, arms)
         half = linear_loop.closed_loop(environment, law_half(controller, place))
-        _, Z = linear_loop.impedances(half, LOW)
+        _, Z = linear_loop.impedances(linear_loop.response(linear_loop.first_of(half), LOW), LOW)
         load = frequency_response(load_matrices(75.0 / 3.6, place.reference), LOW / (2.0 * np.pi))[:, 0, 0]
         jw = 1j * LOW
         np.testing.assert_allclose(Z, s.J_pin * jw + s.b_pin + (spring + load) / jw, rtol=2e-3)
@@ -123,7 +123,7 @@ def test_impedance_at_the_wheel_is_that_of_the_matrices():
     rate = np.zeros((1, len(A)))
     rate[0, 1] = 1.0
     Y = frequency_response((A, B, rate, np.zeros((1, B.shape[1]))), LOW / (2.0 * np.pi))[:, 0, 1]
-    found, _ = linear_loop.impedances(half, LOW)
+    found, _ = linear_loop.impedances(linear_loop.response(linear_loop.first_of(half), LOW), LOW)
     assert np.abs(found * Y - 1.0).max() < 5e-3
     assert found.real.min() > 0.0, "passive hardware gives no energy"
 
