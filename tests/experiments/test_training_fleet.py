@@ -33,7 +33,7 @@ def test_seeds_over_a_cluster_of_two_nodes():
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     quiet = {"RAY_DEDUP_LOGS": "0", "RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
     done = subprocess.run(
-        [sys.executable, str(SCRIPT)], capture_output=True, text=True, timeout=500, cwd=ROOT,
+        [sys.executable, str(SCRIPT)], capture_output=True, text=True, timeout=600, cwd=ROOT,
         env={**os.environ, **quiet, "PYTHONPATH": path},
     )  # fmt: skip
     told = [line for line in done.stdout.splitlines() if line.startswith("TOLD ")]
