@@ -6,6 +6,7 @@ Everything that is learned from is drawn from the benchmark's training seeds; it
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -84,11 +85,9 @@ def command(
             raise InputError("--set", f"{text!r} has no value", "give NAME=VALUE")
         changes[name] = value
     config = config_of(task, seed, changes)
-    try:
-        from experiments.learning import fleet
-    except ModuleNotFoundError as missing:
-        what = f"{missing.name} is not installed"
-        raise InputError("steer-env train", what, 'install it: pip install "steer-env[learn]"') from missing
+    _there("stable_baselines3", "learn")
+    from experiments.learning import fleet
+
     chosen = [seed] if seeds is None else seeds_in(seeds)
     if trials:
         config = config.changed(searched(config, trials, out / "search", jobs, ray, quiet))
@@ -108,7 +107,8 @@ def command(
 
 
 def searched(config: TrainConfig, trials: int, folder: Path, jobs: int, ray: str | None, quiet: bool) -> dict[str, str]:
-    """Settings found by ``trials`` short runs, which are told on stderr with what they replace."""
+    """Settings found by ``trials`` short runs; they are told on stderr as options of the command."""
+    _there("optuna", "tune")
     from experiments.learning import fleet
     from experiments.learning.search import search, short  # Optuna loads when it is asked for
 
@@ -118,3 +118,10 @@ def searched(config: TrainConfig, trials: int, folder: Path, jobs: int, ray: str
     if not quiet:
         click.echo("Found: " + " ".join(f"--set {name}={value}" for name, value in settings.items()), err=True)
     return settings
+
+
+def _there(package: str, extra: str) -> None:
+    """InputError where a package is missing that an extra of this one brings."""
+    if find_spec(package) is None:
+        what, mend = f"{package} is not installed", f'install it: pip install "steer-env[{extra}]"'
+        raise InputError("steer-env train", what, mend)
