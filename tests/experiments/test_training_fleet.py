@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
@@ -14,12 +15,15 @@ from experiments.cli import main
 from experiments.learning.config import TrainConfig
 from experiments.learning.scoring import Score
 from experiments.train import seeds_in
+from steer_env import atomic
 from steer_env.errors import InputError
 from tests.controllers.made_up_policy import made_up
 
 pytest.importorskip("stable_baselines3", reason="extra [learn] is not installed")
 from experiments.learning import fleet
+from experiments.learning import run as running
 from experiments.learning import search as searching
+from experiments.learning.arrangement import Scales
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = Path(__file__).with_name("training_on_a_cluster.py")
@@ -109,6 +113,37 @@ def test_what_is_finished_is_kept(tmp_path, monkeypatch):
     assert told == [400]
     with pytest.raises(InputError, match="other settings"):
         fleet.trained({tmp_path / "done": CONFIG.changed({"learning.gamma": "0.9"})})
+
+
+def test_what_comes_from_another_machine_is_what_a_run_leaves_here(tmp_path, monkeypatch):
+    """Catches a file that does not travel, and a policy that says it is finished before its weights are there."""
+    small = {"learning.environments": "8", "learning.rollout": "16", "learning.batch": "64", "learning.steps": "256"}
+    config = TrainConfig().changed(small)
+    scales = Scales((0.3, 0.5, 2.0, 30.0, 2.0, 2.0, 100.0, None, 7.0, 1.0, 0.3, 5.0, 1.0, None, None, None, None), 0.3)
+    monkeypatch.setattr(running, "measured", lambda config: scales)
+    monkeypatch.setattr(running, "gated", lambda found, reference: found)
+    monkeypatch.setattr(fleet, "score_of", lambda folder, config: Score(0.5, 0.6, 0, 42))
+    order = []
+
+    def alike(function, jobs, address):
+        assert address == "far"
+        for folder, arguments in jobs.items():
+            yield folder, function(*arguments)
+
+    def written(path, content):
+        order.append(path.name)
+        atomic.write_bytes(path, content)
+
+    monkeypatch.setattr(fleet, "results_of", alike)
+    monkeypatch.setattr(fleet, "atomic", SimpleNamespace(write_bytes=written))
+    far, here = tmp_path / "far", tmp_path / "here"
+    assert fleet.trained({far: config}, ray="far") == {far: Score(0.5, 0.6, 0, 42)}
+    assert order[-1] == "policy.json"
+    fleet.trained({here: config})
+    left = [{path.relative_to(folder).as_posix().split(".")[0] for path in folder.rglob("*")} for folder in (far, here)]
+    assert left[1] - left[0] == {"checkpoint"}
+    assert (far / "policy.safetensors").read_bytes() == (here / "policy.safetensors").read_bytes()
+    assert fleet.is_finished(far, config)
 
 
 def test_seeds_and_address_are_checked(tmp_path):
