@@ -2,11 +2,11 @@
 
     python -m experiments.policy_scores SbW-Impedance policy:runs/0 policy:runs/1 policy:runs/2 pid lqg [--draws 3]
 
-The benchmark's own test cases, scores, bootstrap intervals and gates, in a table: ``steer-env benchmark --controller
-policy:runs/0`` has all else (exhibits, margins, Z-width, cost) in a report. ``--shake`` tells what no gate asks:
-commands up to 6 ms later than the controller was told, and torque sensors with a wrong gain or an offset, in simulation
-over all arms. Friction and limits catch many an unstable loop in a limit cycle before the wheel is thrown out, so what
-still swings after some seconds of rest counts too.
+The benchmark's own test cases, scores, bootstrap intervals and gates, and each policy's distance to each of the others
+on the same cases, in tables: ``steer-env benchmark --controller policy:runs/0`` has all else (exhibits, margins,
+Z-width, cost) in a report. ``--shake`` tells what no gate asks: commands up to 6 ms later than the controller was told,
+and torque sensors with a wrong gain or an offset, in simulation over all arms. Friction and limits catch many an
+unstable loop in a limit cycle before the wheel is thrown out, so what still swings after seconds of rest counts too.
 """
 
 from __future__ import annotations
@@ -25,11 +25,13 @@ from rich.table import Table
 from scipy.signal import detrend
 
 import controllers
+from controllers.policy_file import is_policy
 from experiments.bench_gates import unstable_episodes
 from experiments.bench_protocol import Protocol
 from experiments.bench_ranking import standings
 from experiments.bench_run import run_cases
 from experiments.cli_options import progress
+from experiments.paired import differences
 from experiments.periodic_loop import unstable_places
 from experiments.rollout import Episode, run
 from experiments.train import config_of
@@ -44,8 +46,11 @@ SHAKEN_KMH = (45.0, 105.0)
 REST_S, LEFT_NM = 3.0, 1.0
 
 
-def scored(names: Sequence[str], plant: str, causality: str, draws: int, seed: int) -> Table:
-    """Ranks, scores with intervals, unstable episodes and places, on the first ``draws`` plants of each place."""
+def scored(names: Sequence[str], plant: str, causality: str, draws: int, seed: int) -> list[Table]:
+    """Ranks, scores with intervals, unstable episodes and places, on the first ``draws`` plants of each place.
+
+    Where policies stand among the names, also their paired differences to those that are none.
+    """
     protocol, reference = Protocol.load(), Reference.load("published")
     cases = [
         case for name in names for case in protocol.test_cases(name)
@@ -67,7 +72,18 @@ def scored(names: Sequence[str], plant: str, causality: str, draws: int, seed: i
             str(row.rank), row.controller, f"{row.score:.3f}", f"{low:.3f} to {high:.3f}",
             f"{row.unstable} of {row.cases}", str(max(places, 0)),
         )  # fmt: skip
-    return table
+    pairs = [(name, rival) for name in names if is_policy(name) for rival in names if not is_policy(rival)]
+    if not pairs:
+        return [table]
+    title = "the same cases, policy minus the other: below 0 the policy is closer to the reference"
+    against = Table("policy", "minus", "JND", "95 %", "closer in", title=title)
+    for found in differences(results, pairs, protocol, seed):
+        low, high = found.interval
+        against.add_row(
+            found.controller, found.rival, f"{found.score:+.3f}", f"{low:+.3f} to {high:+.3f}",
+            f"{100.0 * found.share:.0f} % of {found.cases}",
+        )  # fmt: skip
+    return [table, against]
 
 
 def shaken(names: Sequence[str], plant: str, causality: str) -> Table:
@@ -121,8 +137,8 @@ def main(task: str, names: tuple[str, ...], draws: int, shake: bool, seed: int) 
     """Print the standings of controllers NAMES on TASK."""
     config = config_of(task, 0, {})
     where = config.plant, config.causality
-    table = shaken(names, *where) if shake else scored(names, *where, draws, seed)
-    Console(width=150).print(table)
+    tables = [shaken(names, *where)] if shake else scored(names, *where, draws, seed)
+    Console(width=150).print(*tables)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ was), the policy being kept every few seconds of training. Each kept policy is s
 benchmark's training split, beside every classical law: after how long is a policy better than tuned pid,
 and than the best classical law? Scoring takes no training time. Times are seconds of the processor, one
 thread, so that they do not tell what else the machine did; the wall time is told beside them.
-``--vary`` trains variants on one seed each. All seeds are told.
+``--vary STEPS`` trains variants instead, and scores what they come to. All seeds are told; what is done is kept
+in OUT, so that a study may be run in pieces (one task, one variant, fewer seeds first).
 """
 
 from __future__ import annotations
@@ -32,25 +33,27 @@ from steer_env.plants import Reference
 TASKS = ("SbW-Impedance", "EPAS-Admittance")
 RIVAL = "pid"
 SNAPSHOT_S = 2.5
-MOST_SNAPSHOTS = 10  # scored of a run, evenly over its time
+MOST_SNAPSHOTS = 8  # scored of a run, evenly over its time
+FULL = {"action.base": "none", "action.authority": "3"}
+LATE = {"domain.extra_dead_time": "4"}
 VARIANTS: dict[str, dict[str, str]] = {
     "as it ships": {},
-    "full torque": {"action.base": "none", "action.authority": "3"},
-    "full torque, pid imitated first": {
-        "action.base": "none", "action.authority": "3", "action.bandwidth_Hz": "40", "learning.imitate": "pid",
-    },
     "one plant, car and arm": {"domain.randomise": "false"},
     "four past actions": {"action.history": "4"},
-}  # fmt: skip
+    "late commands": LATE,
+    "late commands, four past actions": {**LATE, "action.history": "4"},
+    "full torque": FULL,
+    "full torque, pid imitated first": {**FULL, "action.bandwidth_Hz": "40", "learning.imitate": "pid"},
+}
 
 
-def trained(config: TrainConfig, folder: Path) -> dict[str, Any]:
+def trained(config: TrainConfig, folder: Path, snapshot_s: float = 0.0) -> dict[str, Any]:
     """run.json of a run in a folder, trained if it is not there yet."""
     from experiments.learning.run import Run  # needs torch; scoring alone does not
 
     told = folder / "run.json"
     if not told.exists():
-        Run(config, folder).learn(snapshot_s=SNAPSHOT_S)
+        Run(config, folder).learn(snapshot_s=snapshot_s)
     content: dict[str, Any] = json.loads(told.read_text("utf-8"))
     return content
 
@@ -61,7 +64,7 @@ def curve(config: TrainConfig, folder: Path, reference: Reference) -> dict[str, 
     if path.exists():
         kept: dict[str, Any] = json.loads(path.read_text("utf-8"))
         return kept
-    told = trained(config, folder)
+    told = trained(config, folder, SNAPSHOT_S)
     snapshots = told["snapshots"]
     every = max(-(-len(snapshots) // MOST_SNAPSHOTS), 1)
     points = []
@@ -138,17 +141,35 @@ def draw(studies: list[dict[str, Any]], path: Path) -> None:
     plt.close(figure)
 
 
-def varied(out: Path, task: str, steps: int) -> Table:
-    """Final scores of the variants, one seed each and fewer steps."""
+def final(config: TrainConfig, folder: Path, reference: Reference) -> dict[str, Any]:
+    """What a variant comes to: score, least share of its authority, tracking in its own domain; kept in final.json."""
+    path = folder / "final.json"
+    if path.exists():
+        kept: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        return kept
+    log = trained(config, folder)["log"]
+    last = [-entry["tracking"] for entry in log[-max(len(log) // 4, 1) :]]
+    shares = [share for _, share in json.loads((folder / "policy.json").read_text("utf-8"))["shares"]]
+    score = _score(config, folder, reference)
+    found = {**score._asdict(), "share": min(shares), "own_domain": sum(last) / len(last)}
+    atomic.write_text(path, json.dumps(found, indent=1) + "\n")
+    return found
+
+
+def varied(out: Path, task: str, steps: int, seeds: int, names: tuple[str, ...], settings: dict[str, str]) -> Table:
+    """Scores of the variants seed by seed; "own domain" is the tracking in the last quarter of training, in JND."""
     reference = Reference.load("published")
-    table = Table("variant", "JND", "mean JND", "unstable", "least share of authority", title=f"{task}, {steps} steps")
-    for name, settings in VARIANTS.items():
-        config = config_of(task, 0, {"learning.steps": str(steps), **settings})
-        folder = out / f"{task}_{name.replace(' ', '_').replace(',', '')}"
-        final = curve(config, folder, reference)["final"]
-        described = json.loads((folder / "policy.json").read_text("utf-8"))
-        cells = [f"{final['jnd']:.3f}", f"{final['mean']:.3f}", f"{final['unstable']} of {final['cases']}"]
-        table.add_row(name, *cells, f"{min(share for _, share in described['shares']):.2f}")
+    headings = ("variant", "JND, seed by seed", "mean JND", "own domain", "unstable", "least share of authority")
+    table = Table(*headings, title=f"{task}, {steps} steps")
+    for name in names:
+        found = []
+        for seed in range(seeds):
+            config = config_of(task, seed, {"learning.steps": str(steps), **settings, **VARIANTS[name]})
+            folder = out / f"{task}_{name.replace(' ', '_').replace(',', '')}_{seed}"
+            found.append(final(config, folder, reference))
+        told = [", ".join(f"{one[key]:.3f}" for one in found) for key in ("jnd", "mean", "own_domain")]
+        unstable = f"{sum(one['unstable'] for one in found)} of {sum(one['cases'] for one in found)}"
+        table.add_row(name, *told, unstable, ", ".join(f"{one['share']:.2f}" for one in found))
     return table
 
 
@@ -157,15 +178,18 @@ def varied(out: Path, task: str, steps: int) -> Table:
 @click.option("--task", "tasks", multiple=True, default=TASKS, show_default=True, help="May be given again.")
 @click.option("--seeds", default=3, show_default=True, type=click.IntRange(1))
 @click.option("--vary", default=0, metavar="STEPS", help="Train the variants with so many steps instead.")
+@click.option("--variant", "names", multiple=True, type=click.Choice(list(VARIANTS)), help="Those alone.")
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="As of steer-env train.")
-def main(out: Path, tasks: tuple[str, ...], seeds: int, vary: int, settings: tuple[str, ...]) -> None:
+def main(
+    out: Path, tasks: tuple[str, ...], seeds: int, vary: int, names: tuple[str, ...], settings: tuple[str, ...]
+) -> None:
     """Train, score and print; curves go to OUT/time_to_quality.png."""
     console = Console(width=130)
+    changes = dict(text.split("=", 1) for text in settings)
     if vary:
         for task in tasks:
-            console.print(varied(out, task, vary))
+            console.print(varied(out, task, vary, seeds, names or tuple(VARIANTS), changes))
         return
-    changes = dict(text.split("=", 1) for text in settings)
     studies = [studied(out, task, seeds, changes) for task in tasks]
     console.print(table_of(studies))
     for study in studies:
