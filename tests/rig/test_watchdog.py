@@ -128,6 +128,22 @@ def hears_stop(bus):
     return False
 
 
+@pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="no such priorities on this system")
+def test_it_runs_at_the_priority_that_it_tells(group):
+    """A watchdog that says "real time" and is scheduled like all others would be late on a crowded computer."""
+    dog = Watchdog("senso_wheel", {}, group)
+    try:
+        dog.start()
+    except InputError as error:
+        pytest.skip(f"no multicast on this machine: {error}")
+    try:
+        real_time = os.sched_getscheduler(dog.pid) == os.SCHED_FIFO
+        before_others = os.getpriority(os.PRIO_PROCESS, dog.pid) == -10
+    finally:
+        dog.close()
+    assert dog.priority == ("real time" if real_time else "before others" if before_others else "as others")
+
+
 @pytest.mark.parametrize("how", ["kill -9 the control process", "stop the control process", "terminate the watchdog"])
 def test_whatever_happens_to_a_process_the_drive_is_told_to_stop(ears, group, how):
     control = subprocess.Popen([sys.executable, "-c", CONTROL, str(group["port"])], stdout=subprocess.PIPE)
