@@ -7,6 +7,9 @@ the friction's travel M_C / c_fric is linear; that is searched. All signals pass
 only moments in which the motor turns are fitted: at rest friction holds any torque within its level. The standard
 errors are a jackknife's over time blocks (drive_fit.py), with Student's t of blocks - 1 for the intervals.
 
+The delay counts from where the log puts a command to where it puts the motion. On a bus these lie apart by a part of
+the control period, so below one period it says as much of the log as of the motor.
+
 Without a torque sensor J, b and friction are those of rotor and wheel together, and all of them in the drive's own N m:
 a drive that gives 5 % more than it is told has an inertia that is 5 % too small here, and nothing tells.
 """

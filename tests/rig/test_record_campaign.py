@@ -95,7 +95,7 @@ def test_the_rig_finds_its_parameters_through_the_whole_can_path(tmp_path):
         assert found["inertia_kgm2"] == pytest.approx(s.J_s + s.J_pin, rel=0.02)
         assert found["friction_level_Nm"] == pytest.approx(s.M_fric + s.M_s_fric, rel=0.1)
         assert found["damping_Nms_per_rad"] == pytest.approx(s.b_s + s.b_pin, rel=0.1)
-        assert 0.0 < found["delay_s"] < 2e-3
+        assert abs(found["delay_s"]) < 1e-3  # 0.5 ms of motor lag, less what lies between command and sample in a log
 
 
 def test_a_torque_sensor_is_recorded_where_there_is_one(tmp_path):
