@@ -32,7 +32,7 @@ import numpy as np
 
 from experiments.cli_options import common_options, print_json, print_table, progress
 from experiments.report.page import Report
-from steer_env.rig.watchdog import STALL
+from steer_env.rig.watchdog import STALL, be_urgent
 
 MOTOR = "senso_wheel"
 KINDS = ("control kill -9", "control stopped", "control terminated", "watchdog kill -9", "motor kill -9")
@@ -63,6 +63,7 @@ def motor_process(port: int, path: str) -> None:
     from steer_env.rig.bus import open_bus
     from steer_env.rig.virtual.motor import VirtualMotor
 
+    be_urgent()  # a drive is not kept waiting by what else our computer does
     parent = os.getppid()
     motor = VirtualMotor(MOTOR, watchdog_s=0.0)
     motor.advance(1e-3)
@@ -190,6 +191,7 @@ def main(
     times: int, kinds: tuple[str, ...], stall_ms: float, out: Path, seed: int, jobs: int, quiet: bool, as_json: bool
 ) -> None:
     """Kill processes at random and measure the time to zero torque."""
+    be_urgent()  # what is killed dies when it is said to, not when the computer has time for it
     rng = np.random.default_rng(seed)
     kills, chosen = [], kinds or KINDS
     out.mkdir(parents=True, exist_ok=True)

@@ -196,7 +196,8 @@ def be_urgent() -> str:
     A crowded computer must not be what keeps a torque on. Nothing here spins, so the rest of it goes on all the same.
     """
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(URGENCY))
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK  # what this thread starts is not urgent
+        os.sched_setscheduler(0, policy, os.sched_param(URGENCY))
     except (AttributeError, OSError):  # another system; or not allowed (root, or an rtprio limit, may)
         try:
             os.setpriority(os.PRIO_PROCESS, 0, -10)
