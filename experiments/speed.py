@@ -7,7 +7,8 @@ others on the machine run in between does not count. A ratio is the median of th
 for the machine at that moment. Actions are the same small numbers in every step. Whole episodes include their setup and
 the drawing of noise.
 
-``limit: C`` is the period written in C (``speed_limit``); gym-electric-motor is measured where it is installed.
+``limit: C`` is the period written in C (``speed_limit``), also without fused products, which the environments may not
+have: their bits are the same in Python, compiled and in lanes. gym-electric-motor is measured where it is installed.
 """
 
 from __future__ import annotations
@@ -49,6 +50,10 @@ CONTROLLER = "pid"
 EPISODES = 2 * WIDTH
 WHOLE = Task(duration=1.5)
 BUSY = ("CartPole-v1, make", "ours, make", "ours, SteerVectorEnv 64", "ours, SteerVectorEnv 1024")
+LIMITS = {
+    "limit: C, periods in lanes": (),
+    "limit: C without fused products": (speed_limit.NO_FUSING,),
+}
 MOTOR_ENV = "Cont-TC-PMSM-v0"
 
 Run = Callable[[int], int]
@@ -134,9 +139,10 @@ def cases() -> dict[str, Run]:
         found[f"ours, SyncVectorEnv {n}"] = vector(SyncVectorEnv([lambda: gymnasium.make(OURS)] * n), 0.1)
         found[f"CartPole-v1, native vector {n}"] = vector(gymnasium.make_vec("CartPole-v1", n), 1)
     found["ours, periods in lanes"] = kernel(speed_limit.compiled_python())
-    limit = speed_limit.compiled_c()
-    if limit is not None:
-        found["limit: C, periods in lanes"] = kernel(limit)
+    for name, flags in LIMITS.items():
+        limit = speed_limit.compiled_c(*flags)
+        if limit is not None:
+            found[name] = kernel(limit)
     found["ours, whole episodes"] = episodes(speed_limit.Proportional())
     found[f"ours, whole episodes with {CONTROLLER}"] = episodes(_controller())
     return found
@@ -215,7 +221,7 @@ def compared(found: Iterable[str]) -> list[tuple[str, str]]:
         pairs += [(f"ours, SteerVectorEnv {n}", f"ours, SyncVectorEnv {n}")]
         pairs += [(f"ours, SteerVectorEnv {n}", f"CartPole-v1, native vector {n}")]
     lanes, whole = "ours, periods in lanes", "ours, whole episodes"
-    pairs += [(lanes, "limit: C, periods in lanes"), (whole, lanes), (f"{whole} with {CONTROLLER}", whole)]
+    pairs += [*((lanes, limit) for limit in LIMITS), (whole, lanes), (f"{whole} with {CONTROLLER}", whole)]
     pairs += [(f"ours, SteerVectorEnv {SIZES[-1]}", lanes)]
     return [pair for pair in pairs if {*pair} <= {*found}]
 

@@ -30,6 +30,7 @@ from steer_env.physics.lanes import WIDTH
 Array = NDArray[np.float64]
 SOURCE = Path(__file__).with_suffix(".c")
 FLAGS = ("-O3", "-march=native", "-mprefer-vector-width=512", "-fno-math-errno", "-fno-trapping-math")
+NO_FUSING = "-ffp-contract=off"  # what equal bits everywhere cost: a product and its sum round once each
 CAPACITY = 256  # periods of noise, taken again and again
 GAIN = -0.01
 TASK = Task(randomise=("plant", "car", "driver", "manoeuvre"))
@@ -98,15 +99,15 @@ def compiled_python() -> Callable[[Block, int], None]:
     return run
 
 
-def compiled_c() -> Callable[[Block, int], None] | None:
-    """The same in C; None where there is no compiler."""
+def compiled_c(*flags: str) -> Callable[[Block, int], None] | None:
+    """The same in C, with further flags of the compiler; None where there is none."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         return None
     with TemporaryDirectory() as folder:
         library = Path(folder) / "limit.so"
         (Path(folder) / "layout.h").write_text(header(), encoding="utf-8")
-        command = [compiler, *FLAGS, "-shared", "-fPIC", f"-I{folder}", str(SOURCE), "-o", str(library), "-lm"]
+        command = [compiler, *FLAGS, *flags, "-shared", "-fPIC", f"-I{folder}", str(SOURCE), "-o", str(library), "-lm"]
         subprocess.run(command, check=True, capture_output=True, timeout=120)
         run_block: Any = ctypes.CDLL(str(library)).run_block
     run_block.restype, run_block.argtypes = None, [

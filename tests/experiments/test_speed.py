@@ -34,9 +34,9 @@ def test_every_compared_case_is_measured(monkeypatch):
     """Catches a renamed case, whose row would vanish from the ratios without a word."""
     monkeypatch.setattr(speed, "SIZES", (1, 2))
     names = speed.cases().keys()
-    optional = {"gym-electric-motor, make", "limit: C, periods in lanes"}
+    optional = {"gym-electric-motor, make", *speed.LIMITS}
     assert {name for pair in speed.compared({*names, *optional}) for name in pair} == {*names, *optional}
-    assert len(speed.compared({*names, *optional})) == 2 + 2 * 2 + 4
+    assert len(speed.compared({*names, *optional})) == 2 + 2 * 2 + 5
     rates = {name: [1.0, 2.0] for name in names}
     rates["ours, make"] = [3.0, 6.0]
     _, ratios = speed.tables(rates)
