@@ -48,7 +48,7 @@ SLICE = 1e-2  # s of the processor that one slice takes, where one call is not l
 SLICES = 10  # of each case in one repeat
 CONTROLLER = "pid"
 EPISODES = 2 * WIDTH
-WHOLE = Task(duration=1.5)
+WHOLE = Task()  # the paper's frequency response: what the benchmark drives most
 BUSY = ("CartPole-v1, make", "ours, make", "ours, SteerVectorEnv 64", "ours, SteerVectorEnv 1024")
 LIMITS = {
     "limit: C, periods in lanes": (),

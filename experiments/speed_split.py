@@ -67,7 +67,7 @@ def split_table(task: Task, controller: Any, name: str, repeats: int, blocks: in
     split_of(task, controller, 1)  # compiles
     runs = [split_of(task, controller, blocks) for _ in range(repeats)]
     phases = {phase: median(run[phase] for run in runs) for phase in runs[0]}
-    table = Table("phase", title=f"a whole episode of {task.duration} s with {name}")
+    table = Table("phase", title=f"a whole episode ({task.manoeuvre}) with {name}")
     for heading in ("ns per period", "share"):
         table.add_column(heading, justify="right")
     whole = sum(phases.values())
