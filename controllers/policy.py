@@ -21,7 +21,7 @@ from controllers.policy_law import PolicyParameters, PolicyState, corrected, lag
 from controllers.schedule import schedule_of
 from steer_env.errors import InputError
 from steer_env.interface import Law
-from steer_env.plants import Plant, Reference
+from steer_env.plants import PLANTS, Plant, Reference
 
 
 class PolicyController(LawController):
@@ -54,6 +54,8 @@ def make(
     policy = policy_file.shipped(plant.name, causality) if folder is None else policy_file.load(Path(folder))
     if policy.causality != causality:
         raise InputError(policy.source, f"it was trained for {policy.causality}", f"use it there, not for {causality}")
+    if plant.name in PLANTS and plant.name != policy.plant:  # a plant of a user's own is a variant of one of them
+        raise InputError(policy.source, f"it was trained for {policy.plant}", f"use it there, not for {plant.name}")
     return of(policy, plant, reference, **gains)
 
 

@@ -21,6 +21,7 @@ from experiments.operating_points import POINTS, Place, place_of
 from experiments.perfect_tracking import NO_ARM
 from experiments.periodic_half import Halves, closed_loops, step_modes, step_response
 from experiments.periodic_loop import law_halves
+from experiments.periodic_margins import step_margins
 from steer_env.envs.layout import PERIOD
 from steer_env.interface import Controller
 from steer_env.physics.driver import Driver
@@ -31,6 +32,7 @@ Complexes = NDArray[np.complex128]
 Make = Callable[[Plant, Reference, str], Controller]
 
 OMEGA = np.geomspace(2.0 * np.pi * 0.01, np.pi / PERIOD, 400)  # rad/s, up to half the sampling frequency
+SLOW = 2.0 * np.pi * 0.3 > OMEGA
 BESIDE = np.arange(-2.0, 3.0)  # half widths of a mode's peak, at which it is looked at too
 PASSIVITY_OMEGA = 2.0 * np.pi * np.geomspace(0.2, 30.0, 150)  # rad/s
 KEPT = 256  # places that are kept
@@ -134,7 +136,12 @@ def _at(
         own, growths = rates[first : first + len(SCALES)], around.reference_growths[first : first + len(SCALES)]
         worst, reference_growth = own[0][0], float(growths[0])
         values = Margins()
-        if worst.real < 0.0:
+        if worst.real < 0.0 and len(law) > 1:
+            exact = step_margins(Half(*(matrix[first : first + 1] for matrix in around.scaled)), law)
+            # What is slower than any mode that counts (AT_REST) is far below a step's rate: there a response says all.
+            slow = margins(loop_response(around.responses[k], law_response)[SLOW], OMEGA[SLOW])
+            values = Margins(*map(min, exact, slow))
+        elif worst.real < 0.0:
             loop = loop_response(around.responses[k], law_response)
             values = _margins(loop, _motor_half(around.scaled, first), law, own[0])
 

@@ -93,7 +93,7 @@ def environment_half(
     return Half(slopes[:, :n, :n], slopes[:, :n, n:], slopes[:, n:, :n], slopes[:, n:, n:])
 
 
-def closed_loop(environment: Half, law: Half, gain: float = 1.0) -> Half:
+def closed_loop(environment: Half, law: Half, gain: complex = 1.0) -> Half:
     """The loop: the hand's torque in, PORTS out; ``gain`` is a factor on the motor's target."""
     E, u, y = environment, gain * law.C, slice(0, len(MEASURED))
     upper = np.concatenate([E.A, E.B[:, :, :HAND] @ u], axis=2)

@@ -5,8 +5,8 @@ alone for every other law, and then nothing here differs from experiments.linear
 
 Modes are those of one whole step (Floquet): the matrices of its periods, multiplied in order, carry the loop from step
 to step; exact. A response is that at the driving frequency itself, the mean over a step of what answers exp(j w t). The
-images at multiples of the step's rate above and below it are left out: behind a hold, a lag and the motor they are
-small, and the tests say how small, by gains and delays that the modes find exactly.
+images at multiples of the step's rate above and below it are left out: they are small where it is far below half the
+step's rate, and as large as the answer near there. So margins are not read off it (experiments.periodic_margins).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from steer_env.envs.layout import PERIOD
 Halves = tuple[Half, ...]
 
 
-def closed_loops(environment: Half, law: Halves, gain: float = 1.0) -> Halves:
+def closed_loops(environment: Half, law: Halves, gain: complex = 1.0) -> Halves:
     """The loop in each period of a step; as ``linear_loop.closed_loop``."""
     return tuple(closed_loop(environment, half, gain) for half in law)
 

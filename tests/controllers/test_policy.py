@@ -207,6 +207,8 @@ def test_names(tmp_path):
     assert law.parameters.authority == 0.5
     wrapped = controllers.make(f"passivity:policy:{tmp_path}", PLANTS["SbW"], REFERENCE, "impedance")
     assert np.isfinite(torques(wrapped, observations(20))).all()
+    with pytest.raises(InputError, match="trained for SbW"):
+        controllers.make(f"policy:{tmp_path}", PLANTS["EPAS"], REFERENCE, "impedance")
     with pytest.raises(InputError, match="trained for impedance"):
         controllers.make(f"policy:{tmp_path}", PLANTS["SbW"], REFERENCE, "admittance")
     with pytest.raises(InputError, match="no such file"):
