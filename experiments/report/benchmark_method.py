@@ -60,7 +60,7 @@ def method(report: Report, summary: Mapping[str, Any]) -> None:
         "cases: a controller stands behind all safe ones if its loop is unstable at one place of the linear proof or "
         "in one test episode. The proof linearises the loop at every speed, on centre and where the assist is "
         "steepest, friction stuck and sliding, with every arm. A law that acts anew only every few periods is judged "
-        "by the modes of such a step, exactly, and so are its margins; its impedances are those at the driving frequency. "
+        "by the modes of such a step, exactly, as are its margins; its impedances are those at the driving frequency. "
         "Where the reference itself, perfectly tracked, is unstable with an arm, neither counts: that is the "
         "reference's property."
     )
