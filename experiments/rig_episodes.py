@@ -6,6 +6,7 @@ MF4, which is only whole when it is finished, is made of the logs afterwards.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -90,7 +91,10 @@ def play(env: Any, law: Any, seed: int, label: str, quiet: bool) -> Played:
         raise
     law.reset(inside.session.pacer.period)
     while not info["ended"]:
-        *_, info = env.step(inside.action_for(law(info["observation"])))
+        torque = law(info["observation"])
+        if not math.isfinite(torque):
+            raise RigError(f"the controller asks for {torque} N m after {info['time']:g} s, which is no torque")
+        *_, info = env.step(inside.action_for(torque))
         rows.append([info[name] for name in Truth._fields])
         late.append(info["rig"]["late"])
         if not quiet and len(rows) % 1000 == 0:

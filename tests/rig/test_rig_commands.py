@@ -57,7 +57,7 @@ def test_a_run_leaves_frames_signals_and_a_campaign_of_each_kind(tmp_path):
 
 
 def test_a_controller_that_gives_no_number_ends_the_run_and_keeps_what_was_recorded(tmp_path):
-    """After 5.5 s: status 1, and the run up to there is a campaign."""
+    """After 5.5 s: bad input, told as such, and the run up to there is a campaign."""
     (tmp_path / "bad.py").write_text(
         "class Wild:\n"
         "    def __init__(self, plant, reference, causality): self.k = 0\n"
@@ -70,7 +70,8 @@ def test_a_controller_that_gives_no_number_ends_the_run_and_keeps_what_was_recor
     result = CliRunner().invoke(
         main, ["rig", "run", *STEPPED, "--controller", f"{tmp_path / 'bad.py'}:Wild", "--out", str(out)]
     )
-    assert result.exit_code == 1
+    assert result.exit_code == 2
+    assert "the controller asks for nan N m after 5.499 s" in result.stderr
     assert len(read_campaign(out).runs) == 1
 
 
