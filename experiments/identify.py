@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -75,18 +76,13 @@ def _drive(campaign: Any, out: Path, as_json: bool) -> None:
 
     model = DriveModel().fit(campaign)
     document = model.document(campaign)
-    with atomic.folder(out) as folder:
-        atomic.write_text(folder / "drive.json", json.dumps(document, indent=1) + "\n")
-        write_drive_report(campaign, model, folder / "report.html")
+    _write(out, "drive.json", document, partial(write_drive_report, campaign, model))
     if as_json:
         print_json(document)
         return
     columns = ("parameter", "km/h", "value", "standard error", "95 % from", "to")
     print_table(columns, _drive_rows(document), title=f"drive: {campaign.name}")
-    held_out = ", ".join(f"{name} {rms:.3g}" for name, rms in document["held_out_rms_Nm"].items())
-    click.echo(f"error on left-out blocks in N m: {held_out}")
-    click.echo(f"{out / 'drive.json'}")
-    click.echo(f"{out / 'report.html'}")
+    _tell("left-out blocks", document["held_out_rms_Nm"], out, "drive.json")
 
 
 def _rig(campaign: Any, out: Path, as_json: bool) -> None:
@@ -96,17 +92,26 @@ def _rig(campaign: Any, out: Path, as_json: bool) -> None:
 
     fit = RigFit().fit(campaign)
     document = fit.document(campaign)
-    with atomic.folder(out) as folder:
-        atomic.write_text(folder / "rig.json", json.dumps(document, indent=1) + "\n")
-        write_rig_report(campaign, fit, folder / "report.html")
+    _write(out, "rig.json", document, partial(write_rig_report, campaign, fit))
     if as_json:
         print_json(document)
         return
     rows = [[name, fit.params_[name], fit.std_[name], *fit.interval_[name]] for name in fit.params_]
     print_table(("parameter", "value", "standard error", "95 % from", "to"), rows, title=f"rig: {campaign.name}")
-    errors = ", ".join(f"{name} {rms:.3g}" for name, rms in fit.held_out_.items())
-    click.echo(f"error on held-out samples in N m: {errors}")
-    click.echo(f"{out / 'rig.json'}")
+    _tell("held-out samples", fit.held_out_, out, "rig.json")
+
+
+def _write(out: Path, name: str, document: Any, write_report: Callable[[Path], Any]) -> None:
+    """Both files or none."""
+    with atomic.folder(out) as folder:
+        atomic.write_text(folder / name, json.dumps(document, indent=1) + "\n")
+        write_report(folder / "report.html")
+
+
+def _tell(judged_on: str, held_out: Mapping[str, float], out: Path, name: str) -> None:
+    errors = ", ".join(f"{model} {rms:.3g}" for model, rms in held_out.items())
+    click.echo(f"error on {judged_on} in N m: {errors}")
+    click.echo(f"{out / name}")
     click.echo(f"{out / 'report.html'}")
 
 

@@ -17,13 +17,12 @@ from controllers import CAUSALITIES, mpc_moves
 from controllers.mpc_design import MOVES, condensed, cost_to_go, interpolation, lq_gain, problem_of
 from controllers.mpc_moves import UNSOLVED, code_of, keeps_limits, limits, next_command, signs_of, solved
 from experiments.measures import rms
-from experiments.rollout import first_observation, run
-from steer_env.envs import batch
+from experiments.rollout import run
 from steer_env.envs.layout import PERIOD
-from steer_env.envs.period import control_period
-from steer_env.envs.task import Task, prepare
+from steer_env.envs.task import Task
 from steer_env.interface import Observation
 from steer_env.plants import PLANTS, Reference
+from tests.controllers.stepped_episode import assert_steps_are_the_rollout
 
 NONE = np.zeros((3, 3))
 SLOW, WEAK = {"slew_rate": 30.0}, {"rated_torque": 0.5}  # of an EPAS motor: limits that a chirp meets
@@ -213,24 +212,14 @@ def test_with_limits_acting_python_and_machine_code_give_the_same_bits(causality
     plant = limited_plant(**SLOW, rated_torque=0.8)
     task = Task(plant, causality, "published", driver="tense", duration=0.6, amplitude=0.6)
     law = made(plant, causality)
-    episode = run(task, law, seed=3)
-    rng = np.random.default_rng(3)
-    setup = prepare(task, rng, PERIOD)
-    noise = rng.standard_normal((setup.periods, 2))
-    parameters, states, lines = batch.new_rows(1)
-    parameters[0] = setup.row
-    batch.start_batch(parameters, states, lines, setup.table, setup.car_table)
-    observation, acted = first_observation(setup), 0
-    law.reset(PERIOD)
-    for k in range(setup.periods):
-        command = law(observation)
-        acted += law.state().active > 0.0
-        assert law.state().active != UNSOLVED
-        observation, truth = control_period(
-            command, *noise[k].tolist(), parameters[0], states[0], lines[0], setup.table, setup.car_table
-        )  # fmt: skip
-        assert tuple(episode.signals[k].tolist()) == tuple(map(float, truth)), f"period {k}"
-    assert acted > 20
+    active = []
+
+    def watch() -> None:
+        active.append(law.state().active)
+        assert active[-1] != UNSOLVED
+
+    assert_steps_are_the_rollout(law, task, watch)
+    assert sum(state > 0.0 for state in active) > 20
 
 
 EPISODE = """
